@@ -23,6 +23,7 @@ from sniffer.inside.panes import figures_text
 from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
 from sniffer.inside.search import Search
+from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from sniffer.sinks.words import took_in_words
@@ -239,6 +240,20 @@ def test_a_search_goes_on_and_round_for_bytes_and_words(index: CaptureIndex) -> 
     assert found(answer) == 1
     view.choose(None, exchanges=True)
     assert found(answer, judged(view).count) == 0, "an exchange has the bytes of its answer"
+
+
+@pytest.mark.parametrize("exchanges", [False, True])
+@pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
+def test_a_search_looks_at_what_the_lines_show(path: Path, exchanges: bool) -> None:
+    index = indexed(path)
+    view = LineView(index)
+    view.choose(None, exchanges=exchanges)
+    shown = judged(view).shown()
+    words = [line_words(index, number, exchange=exchanges) for number in shown.tolist()]
+    texts = SearchedTexts(index, exchanges=exchanges)
+    told = [text for at in range(0, len(shown), 300) for text in texts.of(shown[at : at + 300])]
+    assert told == [f"{w.op} {w.values} {w.verdict}" for w in words]
+    index.discard()
 
 
 def test_the_next_error_is_found_in_both_directions(index: CaptureIndex) -> None:

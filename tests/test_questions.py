@@ -15,6 +15,7 @@ from tests.golden import CAPTURES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
 Rows = list[dict[str, Any]]
@@ -89,3 +90,62 @@ def test_what_nothing_explains_is_not_judged_from_standard_input_and_that_is_sai
     ran = within(capsys, "diagnose", "-", "--input-format", "bin")
     assert ran.status == 2
     assert ran.err.endswith("standard input has one: diagnose a file of them\n")
+
+
+def test_a_temperature_has_one_unit_wherever_people_read_it(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    capture = CAPTURES / "mightyzap_damaged.log"
+    stated = next(
+        r
+        for r in rows_of(capsys, str(capture), "--servo", "2")
+        if r["type"] == "sample" and r["register"] == "present_temperature"
+    )
+    asked: tuple[tuple[str, ...], ...] = (
+        ("explain", f"{capture}@{stated['offset']}"),
+        ("decode", str(capture)),
+        ("stats", str(capture), "--alarm", "temperature > 20"),
+        ("registers", "mightyzap-l12"),
+        ("diagnose", str(capture)),
+        ("report", str(capture)),
+    )
+    for command in asked:
+        told = within(capsys, *command)
+        assert "degC" not in told.out, command
+        assert "°C" in told.out or command[0] in ("diagnose", "report"), command
+
+
+def test_a_value_that_is_called_like_its_register_is_said_once(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    told = within(capsys, "decode", CAPTURES / "mightyzap_damaged.log").out
+    lines = [line for line in told.splitlines() if "moving" in line]
+    assert any(", moving" in line for line in lines)
+    assert not any("moving moving" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("diff", "WCK", "NOISE"),
+        ("diff", "NOISE", "WCK"),
+        ("cut", "NOISE", "--from", "@byte:3", "--to", "@byte:100", "-o", "OUT"),
+        ("cut", "NOISE", "--from", "0", "--to", "10", "-o", "OUT"),
+        ("stats", "WCK", "NOISE"),
+        ("query", "SELECT count(*) FROM frames", "WCK", "NOISE"),
+        ("discover", "NOISE"),
+    ],
+)
+def test_a_file_whose_protocol_cannot_be_told_is_named(
+    asked: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    noise = tmp_path / "noise.bin"
+    noise.write_bytes(bytes(i * i * 7 % 251 for i in range(600)))
+    stands = {"WCK": WCK, "NOISE": noise, "OUT": tmp_path / "out.bin"}
+    ran = within(capsys, *(stands.get(word, word) for word in asked))
+    assert ran.status == 2
+    assert ran.complaint.startswith(f"{noise}: cannot tell the protocol of these 600 bytes")
+    assert "--protocol" in ran.complaint
+    assert not stands["OUT"].exists()

@@ -155,11 +155,13 @@ def decode(
     if summary and not quiet and output_format == "jsonl":
         click.echo(json.dumps(done.summary.as_dict()))
     elif diagnosis is not None:
-        from sniffer.sinks.consoles import console_for
+        from sniffer.sinks.consoles import console_for, unfold
         from sniffer.sinks.report import print_summary, selected
 
         incidents = () if verbose else diagnosis.incidents()
-        print_summary(done.summary, console_for(color=color), incidents)
+        console = console_for(color=color)
+        unfold(console)
+        print_summary(done.summary, console, incidents)
         if done.summary.narrowed:
             click.echo(f"\n{selected(done.summary)}")
     worst = done.summary.worst()

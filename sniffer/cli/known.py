@@ -12,6 +12,7 @@ from sniffer.cli.options import examples, with_format
 from sniffer.cli.streams import width_of_terminal
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
+from sniffer.ground.units import word_of
 from sniffer.ground.wording import offered
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 
@@ -121,7 +122,8 @@ def _print(table: RegisterMap) -> None:
     rows = [("addr" if addressed else "word", "name", "type", "unit", "range", "access")]
     for r in table.registers:
         where = f"0x{r.address:02X}" if r.address >= 0 else "/".join((r.word, *r.aliases))
-        scale = f"{r.scale:.4g} {r.unit}" if r.unit and r.scale != 1 else r.unit
+        unit = word_of(r.unit)
+        scale = f"{r.scale:.4g} {unit}" if unit and r.scale != 1 else unit
         limits = f"{r.range[0]}..{r.range[1]}" if r.range else ""
         rows.append((where, r.name, r.type, scale, limits, r.access))
     columns = [c for c in zip(*rows, strict=True) if any(c[1:])]

@@ -46,9 +46,10 @@ def report(
 ) -> int:
     """Write a report on FILE (- is standard input): one page, to attach to a bug report.
 
-    The verdict comes first; then incidents with their bytes, curves, response times, and where
-    each byte is. The page is one file: it fetches nothing. Exit status: 0 written; 2 a mistake of
-    yours; 3 the input breaks off (the report is on what could be read).
+    The verdict comes first; then incidents with their bytes, curves, response times, where each
+    byte is, and what the input says of itself: its clock, the metadata of a recording. The page is
+    one file: it fetches nothing. Exit status: 0 written; 2 a mistake of yours; 3 the input breaks
+    off (the report is on what could be read).
     """
     with patient() as patience:
         done = write_report(

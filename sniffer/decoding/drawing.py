@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import OUTCOMES, WHOLE
 from sniffer.ground.model import Batch, Chunk
+from sniffer.ground.units import word_of
 from sniffer.protocols.base import BusProtocol, FieldSpan, view
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def _values(batch: Batch, protocol: BusProtocol, i: int) -> Iterator[str]:
         raw, value = int(v.raw[k]), float(v.value[k])
         text = f"raw {raw}"
         if not math.isnan(value) and (r.unit or value != raw):
-            text += f" = {value:.6g} {r.unit}".rstrip()
+            text += f" = {value:.6g} {word_of(r.unit)}".rstrip()
         names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
         if names:
             text += f" ({', '.join(names) if isinstance(names, list) else names})"

@@ -16,6 +16,7 @@ from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS
+from sniffer.ground.units import word_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -71,7 +72,7 @@ class Series:
 
     def told(self, value: float) -> str:
         """Return a number with the unit."""
-        return f"{value:.4g} {self.unit}".rstrip()
+        return f"{value:.4g} {word_of(self.unit)}".rstrip()
 
 
 class Case:

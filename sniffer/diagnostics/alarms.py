@@ -21,6 +21,7 @@ from sniffer.ground.amounts import time_as, time_in
 from sniffer.ground.codes import COMMANDED, MEASURED
 from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import InputError, Severity
+from sniffer.ground.units import SIGNS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -44,7 +45,9 @@ ERROR: Final = "_error"
 
 GOAL: Final = "goal_"
 
-_UNITS: Final[Mapping[str, str]] = MappingProxyType({"C": "degC", "°C": "degC", "°": "deg"})
+_UNITS: Final[Mapping[str, str]] = MappingProxyType(
+    {"C": "degC", **{sign: unit for unit, sign in SIGNS.items()}}
+)
 """What people write, as the tables have it."""
 
 _FORM: Final = re.compile(

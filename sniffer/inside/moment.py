@@ -10,6 +10,7 @@ import numpy as np
 
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS
+from sniffer.ground.units import word_of
 from sniffer.inside.pages import LastValue
 from sniffer.sinks.words import short_value
 
@@ -99,5 +100,4 @@ def _error(known: dict[str, tuple[Register, LastValue]]) -> str | None:
     (here, is_at), (goal, to) = known["position"], known["goal_position"]
     if here.unit != goal.unit or math.isnan(is_at.value) or math.isnan(to.value):
         return None
-    unit = f" {here.unit}" if here.unit else ""
-    return f"{is_at.value - to.value:+.4g}{unit}"
+    return f"{is_at.value - to.value:+.4g} {word_of(here.unit)}".rstrip()

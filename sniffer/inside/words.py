@@ -16,6 +16,7 @@ from sniffer.inside.columns import GAP, NO_OUTCOME
 from sniffer.sinks.words import took_in_words, values_in_words
 
 if TYPE_CHECKING:
+    from sniffer.ground.model import I64
     from sniffer.inside.index import CaptureIndex
     from sniffer.inside.pages import Page
 
@@ -47,16 +48,15 @@ def line_words(index: CaptureIndex, number: int, *, exchange: bool = False) -> L
     partner = int(one["partner"]) if exchange else -1
     severity = int(one["severity"])
     values = stated(page, kind, int(one["row"]))
-    verdict = _verdict(index, number)
+    became = _verdict(index, number)
     if partner >= 0:
         other = index.lines[partner]
         severity = max(severity, int(other["severity"]))
         there = index.pages.get(int(other["page"]))
         answer = stated(there, int(other["kind"]), int(other["row"]))
-        # what was read says more than that it was asked for
         writes = bool((page.batch.values.row == int(one["row"])).any())
-        values = " → ".join(p for p in (values, answer) if p) if writes else answer or values
-        verdict = _verdict(index, partner) or verdict
+        values = both(values, answer, writes=writes)
+        became = _verdict(index, partner) or became
     return LineWords(
         int(one["t"]),
         plain(index.buses[int(one["bus"])]),
@@ -65,9 +65,14 @@ def line_words(index: CaptureIndex, number: int, *, exchange: bool = False) -> L
         "!" if kind == GAP else "<" if kind == RESPONSE else ">",
         index.ops[int(one["op"])],
         values,
-        verdict,
+        became,
         severity,
     )
+
+
+def both(asked: str, answer: str, *, writes: bool) -> str:
+    """Return what an exchange states: what was read says more than that it was asked for."""
+    return " → ".join(p for p in (asked, answer) if p) if writes else answer or asked
 
 
 def stated(page: Page, kind: int, row: int) -> str:
@@ -90,24 +95,31 @@ def stated(page: Page, kind: int, row: int) -> str:
 def _verdict(index: CaptureIndex, number: int) -> str:
     """Return how long an answer took, or what is wrong."""
     one = index.lines[number]
-    severity, outcome = int(one["severity"]), int(one["outcome"])
     if int(one["kind"]) == GAP:
-        page = index.pages.get(int(one["page"]))
-        gap = page.batch.gaps[int(one["row"])]
-        if gap.detail.get("blank"):
-            return ""
-        sums = "checksum_expected" in gap.detail
-        return "bad checksum" if sums else gap.reason.replace("_", " ")
+        return gap_verdict(index.pages.get(int(one["page"])), int(one["row"]))
+    severity, outcome = int(one["severity"]), int(one["outcome"])
+    codes = codes_of(index, number) if severity > Severity.WARN else ()
+    return verdict(severity, outcome, int(one["took"]), int(one["spread"]), *codes[:1])
+
+
+def gap_verdict(page: Page, row: int) -> str:
+    """Return why bytes are no frame; empty where they only fill a line."""
+    gap = page.batch.gaps[row]
+    if gap.detail.get("blank"):
+        return ""
+    sums = "checksum_expected" in gap.detail
+    return "bad checksum" if sums else gap.reason.replace("_", " ")
+
+
+def verdict(severity: int, outcome: int, took: int, spread: int, code: str = "") -> str:
+    """Return how long the answer of a frame took, or what is wrong: ``code`` is the worst of it."""
     if outcome not in (OK, NO_OUTCOME, NO_RESPONSE):
         return OUTCOMES[outcome].replace("_", " ")
-    if severity > Severity.WARN:
-        codes = codes_of(index, number)
-        if codes:
-            return codes[0].removeprefix("device-").replace("-", " ")
+    if severity > Severity.WARN and code:
+        return code.removeprefix("device-").replace("-", " ")
     if outcome == NO_RESPONSE:
         return "no response"
-    took = int(one["took"])
-    return took_in_words(took, int(one["spread"]), "") if took >= 0 else ""
+    return took_in_words(took, spread, "") if took >= 0 else ""
 
 
 def codes_of(index: CaptureIndex, number: int) -> list[str]:
@@ -116,6 +128,18 @@ def codes_of(index: CaptureIndex, number: int) -> list[str]:
     mine = found[np.flatnonzero(found["line"] == number)]
     order = np.argsort(-mine["severity"].astype(np.int64), kind="stable")
     return [CODES[c] for c in mine["code"][order].tolist()]
+
+
+def worst_codes(index: CaptureIndex, numbers: I64) -> dict[int, str]:
+    """Return the worst code of each of some lines in which something was found."""
+    found = index.found
+    if not len(numbers) or not len(found):
+        return {}
+    mine = found[(found["line"] >= numbers.min()) & (found["line"] <= numbers.max())]
+    # the worst is put down last, and of equals the first one
+    order = np.lexsort((-np.arange(len(mine)), mine["severity"]))
+    lines, codes = mine["line"][order].tolist(), mine["code"][order].tolist()
+    return {line: CODES[code] for line, code in zip(lines, codes, strict=True)}
 
 
 def time_of_day(t_ns: int, digits: int = 3) -> str:

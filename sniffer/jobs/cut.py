@@ -20,9 +20,11 @@ from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import CUT
+from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.messages import OFFSET
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -72,7 +74,10 @@ def cut(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format, again=True, wiring=options.wired) as opened:
+    with (
+        undecided_of(name_of(str(source))),
+        open_source(source, input_format, again=True, wiring=options.wired) as opened,
+    ):
         derived, options = part_of(opened, str(source), window, options, tell)
         if anonymise:
             derived, options = anonymous(derived, options, tell)

@@ -13,7 +13,7 @@ from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import check_outputs, gone
-from sniffer.jobs.session import Ending, run_source
+from sniffer.jobs.session import Ending, run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.reports.differing import RunDifference, differences
 from sniffer.reports.runs import RunFigures
@@ -154,7 +154,10 @@ def diff(
     try:
         for name, path in zip(A_B, (a, b), strict=True):
             run = RunFigures()
-            with open_source(path, input_format, again=again, wiring=options.wired) as opened:
+            with (
+                undecided_of(str(path)),
+                open_source(path, input_format, again=again, wiring=options.wired) as opened,
+            ):
                 own = options.with_facts(opened.facts(), opened.tables)
                 begun = Derived(
                     opened, _from_zero(opened, own, tell), opened.facts(), is_mixed=False

@@ -39,6 +39,16 @@ class Ending(enum.Enum):
     INTERRUPTED = enum.auto()
 
 
+@contextlib.contextmanager
+def undecided_of(name: str) -> Iterator[None]:
+    """Let the complaint that a protocol cannot be told say of which file."""
+    try:
+        yield
+    except UndecidedError as error:
+        told = Sentence("{name}: {told}", name=name, told=error.args[0])
+        raise UndecidedError(told, likely=error.likely) from error
+
+
 class Patience:
     """An interruption ends the reading, never the decoding or writing of what has been read.
 

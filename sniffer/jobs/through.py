@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sniffer.jobs.convert import convert
+from sniffer.jobs.session import undecided_of
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,14 +40,15 @@ def hear_part(
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
-    return convert(
-        source,
-        (),
-        options,
-        input_format=input_format,
-        sinks=[sink],
-        window=window,
-        selection=selection,
-        patience=patience,
-        tell=tell,
-    )
+    with undecided_of(name_of(source)):
+        return convert(
+            source,
+            (),
+            options,
+            input_format=input_format,
+            sinks=[sink],
+            window=window,
+            selection=selection,
+            patience=patience,
+            tell=tell,
+        )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.model import NS, Clock
+from sniffer.ground.units import sign_of
 from sniffer.reports import svg, words
 from sniffer.reports.markup import Markup, tag
 from sniffer.reports.shapes import shape
@@ -305,7 +306,7 @@ class Charts:
         tall: bool = False,
     ) -> Markup:
         size = max(self.time.size, 1)
-        shown = unit if unit == "count" else words.unit(unit)
+        shown = unit if unit == "count" else sign_of(unit)
         caption = [tag("b", title), f" {shown}" if shown else "", *keys(inks)]
         labels = []
         for tick in axis.ticks:

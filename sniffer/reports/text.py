@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.durations import FIGURES
+from sniffer.ground.units import sign_of
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
 from sniffer.reports.content import tale, titled
@@ -161,7 +162,7 @@ def _servo_curves(mine: ServoFigures, curves: dict[int, Trace], grid: Grid) -> I
         curve = curves.get(number)
         if curve is not None and len(curve):
             low, high = float(curve.low.min()), float(curve.high.max())
-            ends = f"{words.number(low)} … {words.number(high)} {words.unit(unit)}"
+            ends = f"{words.number(low)} … {words.number(high)} {sign_of(unit)}"
             yield f"  {title:16} {sparkline(curve, grid.size)} {ends}"
 
 

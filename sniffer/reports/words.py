@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import datetime
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from sniffer.ground.model import MS, NS, Clock
+from sniffer.ground.units import behind
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from sniffer.statistics.figures import Range
-
-UNITS: Final[Mapping[str, str]] = {"degC": "°C", "deg": "°", "deg/s": "°/s", "us": "µs"}
-"""Units in the form that people write."""
-
-_TIGHT: Final = frozenset({"°"})
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -34,16 +28,9 @@ def _magnitude(value: float) -> int:
     return math.floor(math.log10(abs(value))) if value else 0
 
 
-def unit(name: str) -> str:
-    """Return a unit as people write it; empty where there is none."""
-    return UNITS.get(name, name)
-
-
 def measured(value: float, name: str) -> str:
     """Return a value with its unit."""
-    shown = unit(name)
-    between = "" if shown in _TIGHT or not shown else " "
-    return f"{number(value)}{between}{shown}"
+    return f"{number(value)}{behind(name)}"
 
 
 def spread(values: Range | None, name: str) -> str:
@@ -51,9 +38,7 @@ def spread(values: Range | None, name: str) -> str:
     if values is None:
         return ""
     low, high = number(values.least.value), number(values.most.value)
-    shown = unit(name)
-    between = "" if shown in _TIGHT or not shown else " "
-    return f"{low}{between}{shown}" if low == high else f"{low} … {high}{between}{shown}"
+    return f"{low}{behind(name)}" if low == high else f"{low} … {high}{behind(name)}"
 
 
 def moment(t_ns: int, clock: Clock, *, date: bool = False) -> str:

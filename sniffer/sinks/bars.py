@@ -42,7 +42,9 @@ def halved(numbers: Sequence[float], room: int) -> list[float]:
     return [sum(numbers[k : k + per]) for k in range(0, len(numbers), per)]
 
 
-def print_histograms(bus: Mapping[str, Any], statistics: Statistics, console: Console) -> None:
+def print_histograms(
+    bus: Mapping[str, Any], statistics: Statistics, console: Console, width: int
+) -> None:
     """Print how long the answers of each servo took, on one axis."""
     sums: dict[str, tuple[I64, I64]] = {}
     lanes = statistics.collector.lanes_of(bus["bus"])
@@ -62,7 +64,7 @@ def print_histograms(bus: Mapping[str, Any], statistics: Statistics, console: Co
     begin = min(int(held[0]), int(low[0]) if len(low) else int(held[0]))
     begin = max(begin - 1, int(held[0]) - 3 * BINS_SHOWN, 0)  # as a report's: three octaves of few
     size = int(held[-1]) + 2 - begin
-    room = max(min(console.width, 140) - LABEL - 2, 16)
+    room = max(min(width, 140) - LABEL - 2, 16)
     per = -(-size // room)
     console.print()
     for who, (low, high) in sums.items():
@@ -74,7 +76,7 @@ def print_histograms(bus: Mapping[str, Any], statistics: Statistics, console: Co
         for row, told in zip(pair, ("took at least", "at most"), strict=True):
             label = f"servo {who}" if told != "at most" else ""
             console.print(Text(f"  {label:<{LABEL - 18}}{told:>14}  {bars(row, top)}"))
-    console.print(Text(" " * LABEL + _axis(begin, size, per, console.width - LABEL), style="dim"))
+    console.print(Text(" " * LABEL + _axis(begin, size, per, width - LABEL), style="dim"))
 
 
 def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:

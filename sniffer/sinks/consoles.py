@@ -6,7 +6,7 @@ import contextlib
 import re
 from typing import TYPE_CHECKING, Final
 
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 
 from sniffer.ground.streams import UNFOLDED, stated_columns
 
@@ -67,4 +67,5 @@ def room_in(console: Console) -> int | None:
 def unfold(console: Console) -> None:
     """Let sentences be lines where no screen is: what reads a pipe finds a sentence in one line."""
     if room_in(console) is None:
-        console.width = UNFOLDED
+        # both: a width alone does not count where TERM is dumb
+        console.size = ConsoleDimensions(UNFOLDED, console.height)

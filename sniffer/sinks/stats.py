@@ -10,9 +10,10 @@ from rich.text import Text
 
 from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
+from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import NARROWEST, console_for, room_in
+from sniffer.sinks.consoles import NARROWEST, console_for, room_in, unfold
 from sniffer.sinks.overtime import BARS_MOST, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
     from sniffer.statistics.sink import Statistics
 
 WIDE: Final = 140
-"""Columns of what goes into a pipe or a file, unless ``COLUMNS`` says otherwise."""
+"""Columns that curves have room in where what is printed goes into a pipe or a file, unless
+``COLUMNS`` says otherwise; sentences are lines there."""
 
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
@@ -49,13 +51,15 @@ def print_stats(
     """
     console = console or console_for()
     tables = figures.get("selection", {}).get("tables")
-    room = room_in(console)  # None: nobody's window, nothing is folded
-    console.width = WIDE if room is None else max(room, NARROWEST)
+    room = room_in(console)
+    width = WIDE if room is None else max(room, NARROWEST)
+    console.width = width
+    unfold(console)
     with console.capture() as printed:
         for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
-            _print_bus(bus, statistics, console, most, how, tables)
+            _print_bus(bus, statistics, console, width, most, how, tables)
     # tables are padded to their width: nobody wants that in a file
     text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
     if not console.encoding.lower().startswith("utf"):
@@ -67,39 +71,40 @@ def _print_bus(
     bus: Mapping[str, Any],
     statistics: Statistics,
     console: Console,
+    width: int,
     most: int | None,
     how: str,
     tables: Sequence[str] | None,
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
-    for line in _about(bus, console.width, tables):
+    for line in _about(bus, width, tables):
         console.print(Padding(Text(line), (0, 0, 0, 2)))
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
-        ("over time (response times in ms)", over_time(bus, console.width, tables)),
+        ("over time (response times in ms)", over_time(bus, width, tables)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
         ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
-        ("response times in ms, slowest first", _replies(bus, first, console.width, many=many)),
+        ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
         ("following error (goal less position), greatest first", _errors(bus, first)),
         ("goal steps, slowest to settle first", _steps(bus)),
         ("values", _values(bus, first)),
         ("your rules", _alarms(bus)),
-        ("anomalies", _anomalies(bus, first, console.width)),
+        ("anomalies", _anomalies(bus, first, width)),
     ):
         if table is not None:
             console.print()
             console.print(Text(f" {heading}", style="dim"))
-            console.print(table.table(most, console.width))
+            console.print(table.table(most, width))
             left = 0 if most is None else len(table.rows) - most
             if left > 0:
                 console.print(Text(f"  ... and {left} more{how}", style="dim"))
         if table is not None and heading.startswith("response"):
-            print_histograms(bus, statistics, console)
+            print_histograms(bus, statistics, console, width)
 
 
 def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
@@ -208,7 +213,7 @@ def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         half = [_middle(size[name]) for name in ("p50", "p95")]
         place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
         values = str(size["count"]), *half, number(worst["value"])
-        table.add_row(_who(s), e["unit"], *values, *place)
+        table.add_row(_who(s), word_of(e["unit"]), *values, *place)
     return table
 
 
@@ -253,7 +258,7 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         ends = (v["min"], v["max"])
         cells = [x for e in ends for x in (number(e["value"]), _seconds(e["t_ns"], first, bus))]
         name = quantity if quantity != told else ""
-        table.add_row(name, _who(s), str(v["count"]), *cells, v["unit"])
+        table.add_row(name, _who(s), str(v["count"]), *cells, word_of(v["unit"]))
         told = quantity
     return table
 
@@ -265,7 +270,7 @@ def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
-        worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {e['unit']}"
+        worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {word_of(e['unit'])}"
         heard = f"{e['heard_ns'] / NS:.3f}"
         table.add_row(e["rule"], _who(e), str(e["times"]), lasted, heard, worst)
     return table

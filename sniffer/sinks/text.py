@@ -13,9 +13,9 @@ from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
-from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
+from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain, short
-from sniffer.sinks.consoles import console_for, room_in
+from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
 
@@ -180,6 +180,8 @@ class TextSink:
             self._stream.write("\n")
         narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
+            if not self._is_cut:
+                unfold(self._console)
             print_summary(self._summary, self._console, self._diagnosis.incidents())
             if narrowed:
                 self._stream.write("\n")
@@ -214,7 +216,11 @@ class TextSink:
         who = "" if found.servo_id is None else str(found.servo_id)
         cells = (who, "!", found.code, found.detail, level)
         start = found.known_at - batch.base
-        return _Laid(start, found.t_ns, batch.clock, level, cells, b"")
+        (at, length), *_ = found.evidence or ((0, 0),)
+        at -= batch.base
+        is_here = at >= 0 and at + length <= len(batch.data) and length <= GAP_MAX
+        raw = batch.data[at : at + length] if is_here else b""
+        return _Laid(start, found.t_ns, batch.clock, level, cells, raw)
 
     def _time(self, line: _Laid, bus: str) -> str:
         """Return a line's time; a difference is to the line above it, of the same bus."""

@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.decoding.fields import frame_fields, value_ranges
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS
+from sniffer.ground.units import word_of
 from sniffer.ground.wording import plain
 from sniffer.sinks.kept import Kept, OfProtocol, packed
 
@@ -29,7 +30,7 @@ def short_value(register: Register, raw: int, value: float) -> str:
     if value != value:  # NaN: nothing in units
         return f"raw {raw}"
     if register.unit:
-        unit = "°C" if register.unit == "degC" else register.unit
+        unit = word_of(register.unit)
         return f"{value:.4g} {unit}" if abs(value) < 1000 else f"{value:.0f} {unit}"
     return f"{value:.10g}"
 
@@ -49,8 +50,10 @@ def _value(register: Register, raw: int, value: float, part: int) -> str:
     return short_value(register, raw, value) if part == WHOLE else f"raw {raw} (part)"
 
 
-def _short_name(register: Register) -> str:
-    return register.name.removeprefix("present_")
+def _named(register: Register, text: str) -> str:
+    """Return a value behind the name of its register; once where they are one word: moving."""
+    name = register.name.removeprefix("present_")
+    return text if text == name else f"{name} {text}"
 
 
 def _errors(protocol: BusProtocol, status: int) -> str:
@@ -99,7 +102,7 @@ def _stated(protocol: BusProtocol, batch: Batch, i: int, values: Iterable[int]) 
         who = int(v.servo_id[k])
         text = _value(register, int(v.raw[k]), float(v.value[k]), int(v.part[k]))
         if who == own or who < 0:
-            mine.append(f"{_short_name(register)} {text}")
+            mine.append(_named(register, text))
         else:
             others.setdefault(number, []).append(f"{who}: {text}")
     told = mine
@@ -154,7 +157,7 @@ class FrameWords(OfProtocol):
             if words is None:
                 register = self.protocol.registers[key[0] >> 8]
                 text = _value(register, key[1], float(v.value[k]), key[0] & 0xFF)
-                words = f"{_short_name(register)} {text}"
+                words = _named(register, text)
                 self._values.keep(key, words)
             out.append(words)
         return out

@@ -114,7 +114,7 @@ class CommandBook:
     def __init__(self, protocol: BusProtocol) -> None:
         self._counts = Buckets(dict.fromkeys(_SUMS, "sum"))
         self._times: dict[int, Durations] = {}
-        self._cycles: dict[tuple[int, int], _Cycle] = {}
+        self._cycles: dict[tuple[int, ...], _Cycle] = {}
         self._retries = Retries()
         self._nobody = np.array([-1, *protocol.everyone])
 
@@ -195,16 +195,18 @@ class CommandBook:
         if not len(rows):
             return
         pair = pair_key(f.servo_id[rows].astype(np.int64), f.op[rows])
-        # two registers that are polled in turn are two cycles
-        order = np.lexsort((f.data_length[rows], f.address[rows], pair))
-        columns = (pair[order], f.address[rows][order], f.data_length[rows][order])
+        # two registers that are polled in turn are two cycles, and so are one and the block that
+        # begins with it: the token says how much is asked for
+        names = (f.address, f.data_length, f.token)
+        order = np.lexsort((*(c[rows] for c in reversed(names)), pair))
+        columns = (pair[order], *(c[rows][order] for c in names))
         new = np.any([c[1:] != c[:-1] for c in columns], axis=0)
         begins = np.flatnonzero(np.concatenate([[True], new]))
         t, u = f.t_start[rows][order], f.uncertainty[rows][order]
         ends = np.append(begins[1:], len(order))
         for k in np.argsort(order[begins]).tolist():
             a, b = int(begins[k]), int(ends[k])
-            of = int(columns[0][a]), int(columns[1][a]) << 16 | int(columns[2][a])
+            of = tuple(int(c[a]) for c in columns)
             last = self._cycles.get(of, _NEW)
             if last is _NEW and len(self._cycles) >= CYCLES:
                 continue

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.model import NS
+from sniffer.ground.units import sign_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +53,6 @@ _TITLES: Final = {
     MISSING: "Missing answers",
     BUS_LOAD: "Bus load",
 }
-_UNITS: Final = {"": "raw", "degC": "°C", "deg": "°", "deg/s": "°/s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +200,7 @@ class Plots:
         words = _TITLES.get(quantity) or quantity.replace("_", " ").capitalize()
         if title:
             words = f"{tracks[0].who}: {words.lower()}"
-        name = f"{words} [{_UNITS.get(unit, unit)}]"
+        name = f"{words} [{sign_of(unit) or 'raw'}]"
         figures = self._figures
         if quantity in _TIMES and figures.doubt_ns >= 100_000:
             name += f", 99 % known to ±{figures.doubt_ns / 1e6:.1f}"

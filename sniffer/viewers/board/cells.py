@@ -10,6 +10,7 @@ import numpy as np
 from rich.cells import cell_len, set_cell_size
 
 from sniffer.ground.model import NS
+from sniffer.ground.units import behind
 from sniffer.ground.wording import plain
 from sniffer.viewers.board.state import QUANTITIES, RECENT_NS
 
@@ -31,9 +32,6 @@ STALE_NS: Final = 2 * NS
 
 DECIMALS: Final = {"position": 2, "goal_position": 2, "load": 1, "voltage": 1}
 """Most decimals that a quantity is shown with."""
-
-UNITS: Final = {"degC": " °C", "deg": "°", "us": " µs"}
-"""Units in a shorter form, with the blank before them where there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +99,7 @@ def told_value(register: Register, raw: int, value: float) -> str:
         return plain(",".join(names) or "none" if isinstance(names, list) else names)
     if value != value:  # NaN: nothing in units
         return f"raw {raw}"
-    unit = register.unit
-    return f"{value:.{decimals(register)}f}{UNITS.get(unit, f' {unit}' if unit else '')}"
+    return f"{value:.{decimals(register)}f}{behind(register.unit)}"
 
 
 def milliseconds(bounds: Bounds | None) -> str:
