@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.colours import Colours
+from sniffer.ground.units import word_of
 from sniffer.mcapfile.fields import UNITS, quantity_of, unit_of
 from sniffer.mcapfile.states import RESPONSE_TIME
 
@@ -154,7 +155,7 @@ def _plots(series: Sequence[_Series]) -> Iterator[tuple[str, list[_Series]]]:
             found.setdefault((groups.index(group), unit_of(s.field)), []).append(s)
     spelled = {end: unit for unit, end in UNITS.items()}
     for (nth, unit), mine in sorted(found.items()):
-        yield groups[nth] + (f" [{spelled[unit]}]" if unit else ""), mine
+        yield groups[nth] + (f" [{word_of(spelled[unit])}]" if unit else ""), mine
 
 
 def _tables(topics: Collection[str]) -> Iterator[tuple[str, str]]:
