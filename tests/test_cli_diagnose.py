@@ -15,6 +15,7 @@ from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from sniffer.simulation.render import candump, frame_reads
 from tests.commands import Ran, within
+from tests.conversations import Conversation, robot
 from tests.golden import CAPTURES, captures
 
 if TYPE_CHECKING:
@@ -27,6 +28,12 @@ def log(path: Path, protocol: str, *faults: str, seconds: float = 12.0, seed: in
     struck = [read_fault(fault) for fault in faults]
     frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
     path.write_text(candump(frame_reads(frames)), encoding="ascii")
+    return path
+
+
+def said(path: Path, talk: Conversation) -> Path:
+    lines = (f"({(c.t_ns or 0) / 1e9:.6f}) bus0 #{c.data.hex()}\n" for c in talk.chunks)
+    path.write_text("".join(lines), encoding="ascii")
     return path
 
 
@@ -80,6 +87,30 @@ def test_sound_traffic_is_called_sound_and_on_what_it_was_judged(
 ) -> None:
     done = diagnose.says(log(tmp_path / "a.log", "rs30x", seconds=4))
     assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 4\s+servos", done.out)
+
+
+def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    def lost(talk: Conversation, cycle: int, servo: int) -> bool:
+        if (cycle, servo) not in {(90, 1), (240, 3)}:
+            return False
+        talk.ask_in_vain(servo)
+        return True
+
+    done = diagnose.says(said(tmp_path / "a.log", robot("mightyzap", 8, instead=lost)))
+    assert "nothing is wrong" not in done.out
+    assert re.search(r"no cause can be told of 2 x no-response \(servos 1, 3\)", done.out)
+
+
+def test_who_looks_for_servos_finds_nothing_wrong(diagnose: Asked, tmp_path: Path) -> None:
+    talk = Conversation("mightyzap")
+    for servo in range(1, 40):
+        if servo < 4:
+            talk.read(servo, 0.5)
+        else:
+            talk.ask_in_vain(servo)
+    assert "nothing is wrong, judged on" in diagnose.says(said(tmp_path / "a.log", talk)).out
 
 
 def test_the_weighing_of_an_incident_is_shown_with_every_number(

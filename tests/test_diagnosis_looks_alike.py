@@ -232,20 +232,29 @@ def test_who_misses_what_it_is_asked_most_chooses_no_question(protocol: str) -> 
     assert "one-question-unanswered" not in codes(robot(protocol, 8, instead=away).diagnosed())
 
 
-def beside(times: int) -> set[int | None]:
-    """Return who is said to be away with others: servo 3 was four times, servo 2 at other times."""
+def beside(times: int, *others: int) -> set[int | None]:
+    """Return who is said to be away with others.
+
+    Servo 2 was so many times, servo 3 and some others four times each, never two at once.
+    """
+    begins = {2: 60, 3: 80} | dict.fromkeys(others, 70)
 
     def away(talk: Conversation, cycle: int, servo: int) -> bool:
-        count, since = divmod(cycle - (80 if servo == 3 else 60), 60)
-        gone = since in range(3) and 0 <= count < {2: times, 3: 4}.get(servo, 0)
+        count, since = divmod(cycle - begins.get(servo, 0), 60)
+        often = times if servo == 2 else 4 if servo in begins else 0
+        gone = since in range(3) and 0 <= count < often
         if gone:
             talk.ask_in_vain(servo)
         return gone
 
-    told = found(robot("mightyzap", 8, instead=away).diagnosed())
+    told = found(robot("mightyzap", 8, servos=(1, 2, 3, 4), instead=away).diagnosed())
     return {f.servo_id for f in told if f.code == "others-away-too"}
 
 
 def test_one_silence_beside_anothers_many_is_no_habit_that_they_share() -> None:
     assert beside(1) == set()
     assert beside(3) == {2, 3}
+
+
+def test_one_silence_beside_those_of_two_others_is_of_the_same_place() -> None:
+    assert beside(1, 4) == {2, 3, 4}

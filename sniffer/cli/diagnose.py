@@ -85,6 +85,11 @@ def diagnose(
             if why is not None:
                 print_weighing(done.incidents, why, console)
             else:
-                clock = done.has_clock
-                print_incidents(done.incidents, done.sentence, clock=clock, console=console)
+                print_incidents(
+                    done.incidents,
+                    done.sentence,
+                    clock=done.has_clock,
+                    rest=done.rest,
+                    console=console,
+                )
     return status

@@ -10,6 +10,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger import Ledger
+from sniffer.diagnosis.rest import rest_of
 from sniffer.ground.model import NS, Clock
 
 if TYPE_CHECKING:
@@ -99,6 +100,10 @@ class Diagnosis:
     def has_clock(self) -> bool:
         """Whether the times of all buses are measured."""
         return all(case.has_clock for case in self.cases())
+
+    def rest(self, incidents: Sequence[Incident]) -> str:
+        """Return the warnings and errors that no incident has, in words; empty: there are none."""
+        return rest_of(self.cases(), incidents)
 
     def sentence(self) -> str:
         """Return on what it was judged, in words."""

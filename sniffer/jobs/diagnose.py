@@ -33,12 +33,14 @@ _ONCE: Final = (
 class Diagnosed:
     """Incidents of a capture, on what it was judged (each bus, and in words), how it ended.
 
-    ``has_clock``: the times of all buses are measured, not counted from the bytes.
+    ``rest``: anomalies of which no cause can be told, in words. ``has_clock``: the times of all
+    buses are measured, not counted from the bytes.
     """
 
     incidents: tuple[Incident, ...]
     judged: list[dict[str, Any]]
     sentence: str
+    rest: str
     has_clock: bool
     ending: Ending
 
@@ -88,10 +90,12 @@ def diagnose(
         done = hear(diagnosis, replace(options, protocol=likely))
         if not diagnosis.incidents():
             raise
+    incidents = diagnosis.incidents()
     return Diagnosed(
-        diagnosis.incidents(),
+        incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
+        diagnosis.rest(incidents),
         diagnosis.has_clock,
         done.ending,
     )

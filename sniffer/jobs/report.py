@@ -161,6 +161,7 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
+        rest=hearing.diagnosis.rest(incidents),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )

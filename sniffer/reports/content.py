@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.model import Clock
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from sniffer.reports.evidence import Exhibit
     from sniffer.statistics.collector import Collector
 
+SOUND: Final = "Nothing was found that needs a cause."
+"""The verdict where nothing is wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class Content:
@@ -24,7 +27,8 @@ class Content:
 
     ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
     what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
-    is the sentence on what it was judged. ``tool`` and ``made`` say by what and when it was told.
+    is the sentence on what it was judged, ``rest`` what no cause could be told of (empty: nothing).
+    ``tool`` and ``made`` say by what and when it was told.
     """
 
     name: str
@@ -38,6 +42,7 @@ class Content:
     incidents: Sequence[Incident]
     exhibits: Mapping[int, Sequence[Exhibit]]
     judged: str
+    rest: str
     tool: str
     made: str
 

@@ -16,7 +16,7 @@ from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import tables, words
 from sniffer.reports.boxes import drawing
-from sniffer.reports.content import tale, titled
+from sniffer.reports.content import SOUND, tale, titled
 from sniffer.reports.curves import STEPS_S, Charts
 from sniffer.reports.histograms import TimeScale, histogram
 from sniffer.reports.markup import Markup, joined, tag
@@ -122,8 +122,10 @@ def _verdict(content: Content) -> Markup:
     worst = content.worst
     broken = [tag("p", f"The input broke off: {content.damage}")] if content.damage else []
     judged = tag("p", f"Judged on {content.judged}.", cls="dim")
+    left = f"No cause can be told of {content.rest}."
+    rest = [tag("p", left)] if content.rest else []
     if worst is None:
-        told = [tag("h2", "No incident"), tag("p", "Nothing was found that needs a cause.")]
+        told = [tag("h2", "No incident"), *(rest or [tag("p", SOUND)])]
         return tag("section", *told, *broken, judged, cls="verdict sound", id="verdict")
     others = len(content.incidents) - 1
     more = counted(others, "further incident")
@@ -133,6 +135,7 @@ def _verdict(content: Content) -> Markup:
         tag("p", tale(worst), cls="story"),
         tag("p", tag("b", "Do next: "), worst.next, cls="next"),
         *([tag("p", tag("a", f"and {more}", href="#incidents"))] if others else []),
+        *rest,
         *broken,
         judged,
         cls=f"verdict {worst.severity.name.lower()}",

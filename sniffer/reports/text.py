@@ -11,7 +11,7 @@ from sniffer.decoding.durations import FIGURES
 from sniffer.ground.units import sign_of
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
-from sniffer.reports.content import tale, titled
+from sniffer.reports.content import SOUND, tale, titled
 from sniffer.reports.shapes import SIGNS
 from sniffer.statistics.figures import DRAWN, ERROR, LONGEST
 
@@ -79,10 +79,12 @@ def _lines(content: Content) -> Iterator[str]:
 def _verdict(content: Content) -> Iterator[str]:
     worst = content.worst
     if worst is None:
-        yield "**No incident.** Nothing was found that needs a cause."
+        yield "**No incident.**" + ("" if content.rest else f" {SOUND}")
     else:
         yield f"**{SIGNS[worst.severity]} {worst.severity.name.lower()}: {told(titled(worst))}**"
         yield from ("", told(tale(worst)), "", f"Do next: {told(worst.next)}")
+    if content.rest:
+        yield from ("", f"No cause can be told of {told(content.rest)}.")
     if content.damage:
         yield from ("", f"The input broke off: {told(content.damage)}")
     yield from ("", f"Judged on {told(content.judged)}.", "")

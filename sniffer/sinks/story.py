@@ -27,16 +27,29 @@ FINDINGS_SHOWN: Final = 6
 
 
 def print_incidents(
-    incidents: Sequence[Incident], judged: str, *, clock: bool, console: Console | None = None
+    incidents: Sequence[Incident],
+    judged: str,
+    *,
+    clock: bool,
+    rest: str = "",
+    console: Console | None = None,
 ) -> None:
-    """Print incidents: what happened, why, what speaks against the second cause, what to do."""
+    """Print incidents: what happened, why, what speaks against the second cause, what to do.
+
+    ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
+    """
     console = console or Console(highlight=False)
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()
         _print(incident, console, clock=clock)
-    if incidents:
+    if incidents and rest:
         console.print()
+    if rest:
+        console.print(Text(f"no cause can be told of {rest}"))
+    if incidents and not rest:
+        console.print()
+    if incidents or rest:
         console.print(Text(f"judged on {judged}", style="dim"))
     else:
         console.print(Text(f"nothing is wrong, judged on {judged}"))

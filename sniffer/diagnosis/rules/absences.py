@@ -38,7 +38,7 @@ FINDINGS: Final = (
         "others-away-too",
         "pairing",
         "When a servo is away, another one is away as well.",
-        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each. Others miss nothing.",
+        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each; or it is away once, and two others twice or more each. Others miss nothing.",
     ),
     FindingCode(
         "torque-survives",
@@ -131,8 +131,16 @@ def together(case: Case) -> Iterator[Finding]:
             continue
         other = max(others, key=lambda o: len(others[o]))
         lost = len(others[other]) + case.total("damaged", other)
-        # one silence while the other one answers is no habit that the two could share
-        if min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
+        # one silence while the other one answers is no habit that the two could share; with two
+        # that have it, one more servo behind the same place is likelier than a fault of its own
+        habit = [o for o, theirs in others.items() if len(theirs) > 1]
+        if len(mine) == 1 and len(habit) > 1:
+            what = (
+                f"servo {servo} was away once, and {len(habit)} others "
+                f"{sum(len(others[o]) for o in habit)} times"
+            )
+            yield _told("others-away-too", servo, mine, what, LESS)
+        elif min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
             what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
             yield _told("others-away-too", servo, mine, what, LESS)
 
