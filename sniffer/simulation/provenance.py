@@ -102,7 +102,7 @@ def known_registers(like: Mapping[int, ServoLikeness]) -> str:
     """Say which registers are answered as recorded, and that the others are made up."""
     alike: dict[tuple[str, ...], list[int]] = {}
     for who, seen in like.items():
-        alike.setdefault(tuple(seen.values), []).append(who)
+        alike.setdefault(tuple(sorted(seen.values)), []).append(who)
     told = [
         f"servo{'s' if len(who) > 1 else ''} {', '.join(map(str, who))}: {', '.join(names)}"
         for names, who in alike.items()
