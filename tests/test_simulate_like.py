@@ -15,7 +15,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.respond import Responder
 from tests.commands import within
 from tests.playbacks import CLEAN, DAMAGED
-from tests.simulations import ear, running
+from tests.simulations import ear, running, told
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned, write
 from tests.test_playback_servos import exchanges_of
@@ -153,6 +153,66 @@ def test_a_controller_talks_to_them_over_a_port(tmp_path: Path) -> None:
                 assert controller.ask(one.raw, answer=len(reply)) == reply
         it.end(signal.SIGINT)
     assert it.process.returncode == 0
+
+
+def test_it_is_said_which_answers_are_recorded_and_which_are_made_up(tmp_path: Path) -> None:
+    table = {r.name: r for r in Responder("mightyzap").bus.table.registers}
+    goal, speed, new = table["goal_position"], table["moving_speed"], b"\x21\x01"
+    known, unseen = (zap(1, 0xF2, bytes([r.address, 2])) for r in (goal, speed))
+    lines = [known, zap(1, 0, b"\x10\x02")] * 20
+    text = (f"(1700000000.{nth * 5:03d}000) bus0 #{raw.hex()}" for nth, raw in enumerate(lines))
+    (tmp_path / "x.log").write_text("\n".join(text) + "\n")
+    stored = zap(1, 0xF3, bytes([speed.address]) + new)
+    truth = tmp_path / "truth.jsonl"
+    arguments = ("--like", tmp_path / "x.log", "--no-tap", "--truth", truth)
+    with running(*arguments, "--link", tmp_path / "bus") as it:
+        with ear(str(tmp_path / "bus")) as controller:
+            for request, size in ((known, 9), (unseen, 9), (unseen, 9), (stored, 7)):
+                assert len(controller.ask(request, answer=size)) == size
+            assert controller.ask(unseen, answer=9) == zap(1, 0, new)
+        said = it.end(signal.SIGINT)
+    first, last = told(truth)[0], told(truth)[-1]
+    assert "registers as recorded: servo 1: goal_position. The values of all others" in said
+    assert (
+        "values answered: 1 as recorded, 1 as written since, 0 that moved since, 2 made up "
+        f"(servo 1 {speed.name} 2x)" in said
+    )
+    assert first["recorded_registers"] == {"1": ["goal_position"]}
+    assert last["answered"] == {
+        "recorded": 1,
+        "told": 1,
+        "moved": 0,
+        "made_up": [{"servo_id": 1, "register": speed.name, "count": 2}],
+    }
+
+
+@EVERY_PROTOCOL
+def test_answers_as_recorded_are_counted_as_such(name: str) -> None:
+    servos = responder(like(name))
+    answers(servos, *last_reads(name))
+    answered = servos.tally.answered
+    assert answered.recorded
+    assert not answered.made_up
+
+
+def test_what_has_moved_since_is_no_recorded_answer() -> None:
+    servos = responder(like("rs30x"))
+    before = servos.bus.servos[1].seen["present_position"]
+    answers(servos, write(1, 30, (before + 600).to_bytes(2, "little", signed=True), 1))
+    servos.idle(servos.bus.now_ns + 3 * NS)
+    answers(servos, packet(1, 0x0F, 42, 2))
+    answered = servos.tally.answered
+    assert (answered.recorded, answered.moved) == (0, 1)
+    assert not answered.made_up
+
+
+def test_a_bus_without_a_recording_says_nothing_of_one(tmp_path: Path) -> None:
+    truth = tmp_path / "truth.jsonl"
+    arguments = ("mightyzap", "--respond", "--no-tap", "--truth", truth, "--duration", "100ms")
+    with running(*arguments) as it:
+        assert "recorded" not in it.end()
+    assert "recorded_registers" not in told(truth)[0]
+    assert "answered" not in told(truth)[-1]
 
 
 REFUSED: Final = {

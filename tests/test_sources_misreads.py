@@ -131,3 +131,41 @@ def test_what_wireshark_copies_as_hex_and_ascii_is_a_dump(after_offset: int) -> 
     ).encode()
     assert open_source(text).format == "hexdump"
     assert read(text) == data
+
+
+@pytest.mark.parametrize("between", [" ", "  ", "\t", " |", " ; "])
+@pytest.mark.parametrize("data", [b"".join(FRAMES) + LSS, b"12345678" * 2])
+def test_bytes_once_more_as_text_are_never_read_as_bytes(data: bytes, between: str) -> None:
+    rows = [data[at : at + 8] for at in range(0, len(data), 8)]
+    shown = ["".join(chr(c) if 32 <= c < 127 else "." for c in row) for row in rows]
+    text = "".join(f"{r.hex(' '):<23}{between}{s}\n" for r, s in zip(rows, shown, strict=True))
+    assert "once more as text is not read: keep only the hex: `cut -c1-23" in refusal(text.encode())
+    assert read("".join(line[:23] + "\n" for line in text.splitlines()).encode()) == data
+
+
+@pytest.mark.parametrize(
+    ("line", "instead"),
+    [
+        ("0x7ffe1000:\t0xff\t0xa0\t0x00\t0x20", "dump binary memory"),
+        ("0x20000100 <buf+8>:\t0xff\t0xa0", "dump binary memory"),
+        ("\t0x0000:  ffa0 0020                                ...", "tcpdump -w"),
+        ("10:00:00.000001 IP 10.0.0.1.5000 > 10.0.0.2.5001: UDP, length 4", "tcpdump -w"),
+        (" | 00000  ff a0 00 20                   ...              |", "socat -x"),
+        ("Nov 24 10:00:00 robot servod[812]: TX ff a0 00 20", "journalctl -o cat"),
+        ("Nov 24 10:00:00 00000000  ff a0 00 20  |... |", "(seconds.fraction)"),
+        ("1795215306.000100 00000000: ffa0 0020  ... ", "(seconds.fraction)"),
+        (" (2026-11-24 10:00:00.000001)  can0  123   [2]  FF A0", "candump -L"),
+        ("Host -->  0xFF 0xA0 0x00 0x20", "(seconds.fraction)"),
+        ("let d: [u8; 2] = [0xff, 0xa0];", "brackets"),
+        ("[]byte{0xff, 0xa0}", "brackets"),
+        ("<Buffer ff a0 00 20>", "brackets"),
+        ("FFh A0h 00h 20h", "tr -d"),
+        ("%FF%A0%00%20", "tr -d"),
+        ("start_time,name,data\n0.001,UART,0xFF", "start_time, duration, data"),
+        ("FF A0 0 20", "write each byte with two"),
+    ],
+)
+def test_what_terminals_and_debuggers_show_is_refused_with_the_way_out(
+    line: str, instead: str
+) -> None:
+    assert instead in refusal(line.encode() + b"\n")

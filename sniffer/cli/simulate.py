@@ -224,6 +224,8 @@ def _report(played: Played) -> None:
     ports = {"": played.bus} if played.tap is None else {"bus: ": played.bus, "tap: ": played.tap}
     for name, written in ports.items():
         say(told_bytes(name, written))
+    if played.answered is not None:
+        say(str(played.answered))
     if played.held_up_ns:
         say(
             f"held up for {played.held_up_ns / 1e6:.0f} ms in all, and went on later by as much: "

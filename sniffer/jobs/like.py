@@ -13,6 +13,7 @@ from sniffer.simulation.buses import BUSES
 from sniffer.simulation.faults import DROP, Fault
 from sniffer.simulation.likeness import SeenSink
 from sniffer.simulation.play.scenario import Scenario
+from sniffer.simulation.provenance import known_registers
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def scenario_like(
         raise InputError(f"{source}: no servo answers in it: there is nobody to be like")
     if lost := [str(w) for w in every if w not in like and seen.spoke(w)]:
         tell.warn(f"left out, for no {name} servo can have such an id: {', '.join(lost)}")
+    tell.talk(known_registers(like))
     models: dict[int | None, str] = {**options.models}
     models.update((who, model) for who, model in seen.models.items() if who in like)
     for who, model in list(models.items()):

@@ -11,6 +11,7 @@ from sniffer.simulation.buses import mischief, put_up
 from sniffer.simulation.hearing import Ears
 from sniffer.simulation.line import NOBODY, Wire
 from sniffer.simulation.listener import LineListener, Uttered
+from sniffer.simulation.provenance import AnswerTally
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ class Responder(LineListener):
             for servo in (self.bus.servos[servo_id], self.bus.twins[servo_id]):
                 servo.recall(seen.values)
         self._line.delays_ns = {servo_id: seen.delays_ns for servo_id, seen in like.items()}
+        self.is_like = bool(like)
+        self.tally = AnswerTally(like)
         super().__init__(protocol_named(protocol), self.bus.begins)
         self._ears = Ears(self._protocol, models)
         self._carried = carried
@@ -94,5 +97,6 @@ class Responder(LineListener):
             Uttered(f, f.kind != REQUEST)
             for f in self._line.exchange(self.bus.heard(heard, message))
         ]
+        self.tally.add(frame for frame, _ in said)
         self.bus.renumber()
         return said

@@ -27,6 +27,10 @@ _LOOKED_AT: Final = 256
 
 _SECONDS: Final = 10  # digits of a time since 1970
 
+_PAIRS: Final = later(rb" *(?:[0-9A-Fa-f]{2} +)*")
+_LEAST: Final = 4
+"""So many bytes stand once more as text before that is no chance."""
+
 _ALONE: Final = "keep only the hex bytes, or write lines `(seconds.fraction) bus0 #HEX`"
 
 
@@ -41,6 +45,33 @@ def refuse_misread(lines: list[bytes]) -> None:
     column = _column(rows[:FIRST_LINES])
     if column:
         raise refused(f"hex behind a column of {column}", _ALONE)
+
+
+def refuse_gutter(lines: list[bytes]) -> None:
+    """Raise InputError where each line has its bytes once more as text, without an offset.
+
+    That text may be hex throughout: nothing else tells it from bytes.
+    """
+    lines = lines[:FIRST_LINES]
+    looked = lines[:-1] or lines  # the last may be cut
+    found = [one for one in map(_hex_before_text, looked) if one is not None]
+    if len(found) == len(looked) and sum(size for size, _ in found) >= _LEAST:
+        column = max(column for _, column in found)
+        way = f"keep only the hex: `cut -c1-{column} FILE | sniffer decode -`"
+        raise refused("hex with its bytes once more as text", way)
+
+
+def _hex_before_text(line: bytes) -> tuple[int, int] | None:
+    """Return how many bytes stand before the same bytes as text, and at what column they end."""
+    pairs = _PAIRS.match(line)
+    hexes = list(re.finditer(rb"[0-9A-Fa-f]{2}(?= )", pairs[0])) if pairs else []
+    data = bytes.fromhex(b"".join(match[0] for match in hexes).decode("ascii"))
+    for size, match in enumerate(hexes, 1):
+        rest = line[match.end() :].strip(b" |;<>")
+        shown = bytes(byte if 32 <= byte < 127 else 0x2E for byte in data[:size])
+        if rest and rest == shown.strip(b" |;<>"):
+            return size, match.end()
+    return None
 
 
 def refuse_decimal_dump(lines: list[bytes]) -> None:

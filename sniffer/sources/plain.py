@@ -36,6 +36,8 @@ _PAIRED: Final = later(
     rb"|(?:<[0-9A-Fa-f]{2}>[ \t]*)+)[ \t\r]*$",
     re.MULTILINE,
 )
+_TWO: Final = "has an odd number of hex digits: write each byte with two"
+_NO_HEX: Final = "is not hex: put # before what is no byte"
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
 _LITERAL: Final = later(rb"""\bb(["'])((?:\\.|(?!\1)[^\\])*)\1""")
 _UNENDED: Final = later(rb"""\bb(["'])(?=[^"']*\\[^"']*$)""")
@@ -131,10 +133,10 @@ def _hex_mistake(text: bytes) -> BadLineError:
             why = "a * (repeated lines) cannot be counted without offsets: dump again with -v"
             return BadLineError(token.start(), why)
         if _ODD.fullmatch(word):
-            return BadLineError(token.start(), f"{quoted(word)} has an odd number of hex digits")
+            return BadLineError(token.start(), f"{quoted(word)} {_TWO}")
         strange = _STRANGE.search(word)
         column = token.start() + (strange.start() if strange else 0)
-        return BadLineError(column, f"{quoted(word)} is not hex", token.start())
+        return BadLineError(column, f"{quoted(word)} {_NO_HEX}", token.start())
     return BadLineError(0, f"{quoted(text)} is not hex")
 
 

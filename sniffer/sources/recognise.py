@@ -17,7 +17,7 @@ from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.logic_forms import logic_form
-from sniffer.sources.misreads import refuse_decimal_dump, refuse_misread
+from sniffer.sources.misreads import refuse_decimal_dump, refuse_gutter, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
 from sniffer.sources.refusals import (
     decimal_or_hex,
@@ -80,6 +80,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "bin"
     refuse_log(lines[:FIRST_LINES])
     refuse_words(lines)
+    refuse_gutter(lines)
     _refuse_bits(lines[:FIRST_LINES])
     if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
         return "decimal"

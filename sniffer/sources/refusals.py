@@ -73,8 +73,19 @@ _SPOKEN: Final = "a log whose directions are of an unknown kind"
 _TRACED: Final = (
     rb"(?:\[pid +\d+\] |\d+ +)?(?:\d[\d:.]* )?(?:open(?:at)?|read|write|ioctl|poll|p?select6?)\("
 )
+_TRACE_WAY: Final = "log with `socat -x` between program and port"
+_HEADED: Final = "a dump with a heading"
+_ANEW: Final = "dump with `xxd` or `hexdump -C`"
 _LITERAL: Final = rb"(?:(?:bytearray)?\()?b(?:'.*'|\".*\")\)?[\]\s,;)]*$"
 _PRINTED: Final = "print `f'({time.time():.6f}) bus0 #{data.hex()}'`"
+_DEBUGGED: Final = "let it write the bytes: gdb `dump binary memory bus.bin FROM TO`"
+_CAUGHT: Final = "let tcpdump write the capture: `tcpdump -w FILE.pcap`"
+_LISTED: Final = "keep only the brackets and the numbers between them"
+_WRITTEN: Final = (
+    rb"(?:let|var|val|auto)\b[^=]*=|(?:static|const) \w+:|\[\]byte\{|<Buffer "
+    rb"|U?[Ii]nt8Array\b|.*\bfromhex\("
+)
+_PREFIXED: Final = rb"[A-Z][a-z]{2} [ \d]\d \d\d:\d\d:\d\d\b"
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
     _Kind(later(pattern), what, instead)
@@ -97,7 +108,38 @@ _LOGS: Final = tuple(
             "a table of DSView's decoder",
             "open the capture (.dsl), or export it as CSV",
         ),
-        (rb" *Offset(?:\(h\))? ", "a dump with a heading", "dump with `xxd` or `hexdump -C`"),
+        (rb" +0x[0-9a-f]{4}:  ", "what tcpdump shows", _CAUGHT),
+        (rb"\d\d:\d\d:\d\d\.\d{6} IP6? ", "what tcpdump shows", _CAUGHT),
+        (rb"0x[0-9a-f]+(?: <[^>]*>)?: |\$\d+ = ", "what a debugger shows", _DEBUGGED),
+        (rb" *\| [0-9a-f]{5}  ", "a trace of system calls", _TRACE_WAY),
+        (
+            _PREFIXED + rb" \S+ [^:]+: " + _SOME,
+            "a log with the journal's prefix",
+            "print the messages alone: `journalctl -o cat`",
+        ),
+        (_PREFIXED + rb" " + _SOME, _TIMED, _LINES),
+        (rb"\d{9,}\.\d+ [0-9a-f]+: ", _TIMED, _LINES),
+        (rb"(?:Host|Device) *-->", _SPOKEN, _LINES),
+        (rb"\d+,.*,IRP_MJ_|#,Time,|#\d+ +(?:Write|Read)\b", "a log of a port monitor", _LINES),
+        (rb"\d{6}: .*\((?:UP|DOWN)\)", "a log of a port monitor", _LINES),
+        (
+            _WRITTEN,
+            "an array as a program writes it",
+            _LISTED,
+        ),
+        (
+            rb"(?:[0-9A-Fa-f]{2}h[ ,]){2}|(?:[$%][0-9A-Fa-f]{2} ?){2}",
+            "hex with a mark at each byte",
+            "remove the marks: `tr -d 'h$%' < FILE | sniffer decode -`",
+        ),
+        (rb"[\"']?(?:\\[0-3][0-7]{2}){2}", "a list of bytes in octal", "write them in hex"),
+        (
+            rb"(?:[\"']?\w+[\"']?,)*[\"']?start_time\b",
+            "a Saleae table of other columns",
+            "export it again with all of them: name, type, start_time, duration, data",
+        ),
+        (rb" {4,}00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F$", _HEADED, _ANEW),
+        (rb" *Offset(?:\(h\))? ", _HEADED, _ANEW),
         (rb"\d+ .* IRP_MJ_|#,Date/Time,Function", "a log of a port monitor", _LINES),
         (rb"(?i)[\"']?(?:\w+,)?(?:time|t)\b[^,]*,.*(?:byte|data|result|value)", _TABLE, _LINES),
         (rb"\[ *\d+\.\d+\]" + _SOME, _TIMED, _LINES),
@@ -111,7 +153,7 @@ _LOGS: Final = tuple(
         (rb"libsigrok \d", "sigrok's output as text", _SESSION),
         (rb"; ?Rate: ?\d+", "a capture of the OLS client", "export it from there as VCD"),
         (rb"\(-?\d[\d.,]*\)[ \t]+\S+[ \t]+[^\s#]*#", "a log line of another form", _FORM),
-        (_TRACED, "a trace of system calls", "log with `socat -x` between program and port"),
+        (_TRACED, "a trace of system calls", _TRACE_WAY),
         (
             rb"[\[(]?(?!b[\"'])(?:(?=bytearray)|[A-Za-z\d](?:.*[:= ,])?)" + _LITERAL,
             "a log of bytes as Python shows them",
@@ -121,7 +163,7 @@ _LOGS: Final = tuple(
         (_WAY + _SOME, _SPOKEN, _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),
         (
-            rb" *(?:\([\d.]+\) +)?\S+ +(?:[TR]X [-BE ]{3} +)?[0-9A-F]{3,8} +\[\d+\]",
+            rb" *(?:\([\d.: -]+\) +)?\S+ +(?:[TR]X [-BE ]{3} +)?[0-9A-F]{3,8} +\[\d+\]",
             "candump's screen output",
             "log it with `candump -L` instead",
         ),

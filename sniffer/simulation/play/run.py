@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.simulation.play.scenario import Scenario
+    from sniffer.simulation.provenance import Answered
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +29,13 @@ class Played:
     """What was played: on the bus, on the tap if there was one, and how late the machine made it.
 
     ``held_up_ns`` is by how much the bus went on later because the machine was too busy.
+    ``answered`` is where the values came from, where servos were to be like seen ones.
     """
 
     bus: Written
     tap: Written | None
     held_up_ns: int
+    answered: Answered | None = None
 
 
 def play(
@@ -84,16 +87,36 @@ def play(
         note = unnoted if told is None else told.add
         bus = FrameWriter(first, note if second is None else unnoted)
         repeated = None if second is None else FrameWriter(second, note)
+        responder = _responder(scenario, bus) if scenario.respond else None
         if told is not None:
             told.head(scenario.facts())
-            stack.callback(_close, told, repeated or bus, clock)
+            stack.callback(_close, told, repeated or bus, clock, responder)
         if ready is not None:
             ready(first.name, None if second is None else second.name)
-        _play(scenario, clock, stop, bus, repeated, told)
+        _play(scenario, clock, stop, bus, repeated, told, responder)
         bus.finish()
         if repeated is not None:
             repeated.finish()
-    return Played(bus.written, None if repeated is None else repeated.written, clock.lost_ns)
+        answered = _answered(responder)
+    written = None if repeated is None else repeated.written
+    return Played(bus.written, written, clock.lost_ns, answered)
+
+
+def _responder(scenario: Scenario, bus: FrameWriter) -> Responder:
+    return Responder(
+        scenario.protocol,
+        seed=scenario.seed,
+        servo_ids=scenario.servo_ids,
+        baud=scenario.line_baud,
+        faults=scenario.faults,
+        carried=bus.port.carries,
+        models=scenario.models,
+        like=scenario.like,
+    )
+
+
+def _answered(responder: Responder | None) -> Answered | None:
+    return responder.tally.answered if responder is not None and responder.is_like else None
 
 
 def _check(
@@ -124,19 +147,10 @@ def _play(
     bus: FrameWriter,
     tap: FrameWriter | None,
     truth: Truth | None,
+    responder: Responder | None,
 ) -> None:
     player = Player(clock, stop, (lambda: None) if truth is None else truth.flush)
-    if scenario.respond:
-        responder = Responder(
-            scenario.protocol,
-            seed=scenario.seed,
-            servo_ids=scenario.servo_ids,
-            baud=scenario.line_baud,
-            faults=scenario.faults,
-            carried=bus.port.carries,
-            models=scenario.models,
-            like=scenario.like,
-        )
+    if responder is not None:
         note = unnoted if truth is None else truth.add
         player.respond(responder, bus, tap, note, duration_ns=scenario.duration_ns)
         return
@@ -159,5 +173,12 @@ def _play(
     )
 
 
-def _close(truth: Truth, told: FrameWriter, clock: SimulatedClock) -> None:
-    truth.close(size=told.size, dropped=told.lost + told.overrun, behind_ns=clock.lost_ns)
+def _close(
+    truth: Truth, told: FrameWriter, clock: SimulatedClock, responder: Responder | None
+) -> None:
+    truth.close(
+        size=told.size,
+        dropped=told.lost + told.overrun,
+        behind_ns=clock.lost_ns,
+        answered=_answered(responder),
+    )

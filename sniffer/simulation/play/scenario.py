@@ -135,6 +135,7 @@ class Scenario:
             }
             for f in self.faults
         ]
+        seen = {str(who): [*one.values] for who, one in self.like.items()}
         return {
             "version": __version__,
             "protocol": self.protocol,
@@ -146,6 +147,7 @@ class Scenario:
             "rate_hz": self.cycles_hz,
             "full": self.full,
             "respond": self.respond,
+            **({"recorded_registers": seen} if seen else {}),
         }
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.simulation.play.player import SimulatedClock
+    from sniffer.simulation.provenance import Answered
     from sniffer.simulation.talk import TrueFrame
 
 
@@ -68,11 +69,21 @@ class Truth:
             self._write("".join(self._lines))
             self._lines.clear()
 
-    def close(self, *, size: int, dropped: int, behind_ns: int) -> None:
+    def close(
+        self, *, size: int, dropped: int, behind_ns: int, answered: Answered | None = None
+    ) -> None:
         """Write the last line and close the file."""
         self.flush()
-        end = {"type": "end", "frames": self.frames, "bytes": size, "dropped_bytes": dropped}
-        self._write(_json({**end, "behind_ms": round(behind_ns / 1e6, 3)}) + "\n")
+        end: dict[str, Any] = {
+            "type": "end",
+            "frames": self.frames,
+            "bytes": size,
+            "dropped_bytes": dropped,
+        }
+        end["behind_ms"] = round(behind_ns / 1e6, 3)
+        if answered is not None:
+            end["answered"] = answered.facts()
+        self._write(_json(end) + "\n")
         os.close(self._fd)
 
     def _write(self, text: str) -> None:
