@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pytest
@@ -14,6 +14,8 @@ import pytest
 from tests.questions.asking import frames
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tests.questions.asking import Asker, Capture
 
 NS = 1_000_000_000
@@ -167,12 +169,13 @@ def test_one_selection_counts_alike_everywhere(which: str, capture: Capture, ask
         "kind": ("--kind", "response"),
         "where": ("--where", f"length > 5 AND servo_id <> {capture.servo}"),
     }[which]
-    fits = {
+    tests: dict[str, Callable[[dict[str, Any]], bool]] = {
         "servo": lambda r: r["servo_id"] == capture.servo,
         "op": lambda r: r["op"] == capture.poll,
         "kind": lambda r: r["kind"] == "response",
         "where": lambda r: r["length"] > 5 and r["servo_id"] not in (None, capture.servo),
-    }[which]
+    }
+    fits = tests[which]
     n = sum(map(fits, capture.of("frame")))
     path = capture.path
     assert len(frames(asker.rows("decode", path, *asked, "--format", "jsonl"))) == n
