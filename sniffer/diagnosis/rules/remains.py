@@ -84,8 +84,9 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     said = [answer for answer in some.values() if len(answer) >= SHORTEST][:HEADS]
     acks = {answer for answer in some.values() if len(answer) < SHORTEST}
     answers = said if case.has_checksum else []  # bare answers hold by no checksum
-    # what tears the answers of one servo far more than those of others is another matter
-    hit = torn_answers(case)
+    # what tears the answers of one servo far more than those of others is another matter; of bare
+    # ones it is not known whose they are
+    hit = torn_answers(case) if case.has_checksum else {}
     torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
     torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit][:KEPT]
     if len(torn) < LEAST or not requests:
