@@ -11,14 +11,32 @@ from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, suffering
 from tests.streams import mightyzap, rs30x
+from tests.test_diagnosis_beside import torn_read
 from tests.test_diagnosis_controller import collided
 from tests.test_diagnosis_tap import holes, one_wire
+from tests.test_diagnosis_two_at_once import hit
 
 
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
 def test_what_a_lossy_tap_leaves_lacks_its_beginning_and_nothing_else(protocol: str) -> None:
     talk = robot(protocol, 10)
     assert "pieces-complete" in codes(talk.diagnosed(holes(one_wire(talk))))
+
+
+def test_what_a_lossy_tap_leaves_is_known_beside_a_servo_whose_answers_are_torn() -> None:
+    """Its altered answers are many more, and most that is asked has an answer of one byte."""
+    rng = random.Random(3)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle % 2:
+            return False
+        torn_read(talk, servo, lambda data: hit(data, rng))
+        return True
+
+    talk = robot("rs30x", 10, instead=instead)
+    told = talk.diagnosed(holes(one_wire(talk)))
+    assert "pieces-complete" in codes(told)
+    assert "tap-loss" in {cause for cause, _ in verdicts(told.incidents())}
 
 
 def test_pieces_that_noise_leaves_are_not_whole_behind_any_beginning() -> None:

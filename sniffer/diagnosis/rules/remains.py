@@ -12,11 +12,12 @@ from sniffer.decoding.holding import held
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, is_altered
-from sniffer.diagnosis.damage import HELD, IN_REPLY
+from sniffer.diagnosis.damage import HELD, IN_REPLY, REST
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.twins import torn_answers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -29,7 +30,7 @@ FINDINGS: Final = (
         "tap",
         "Pieces of frames become sound ones when the beginning that is missing is put before them: "
         "nothing in them is altered.",
-        "Bytes of no frame that hold behind the beginning of a frame known here, lacking now these, now those bytes; requests among them; more than the checksum lets by by chance.",
+        "Bytes of no frame that hold behind the beginning of a frame known here, lacking now these, now those bytes; requests among them; more than the checksum lets by by chance. Answers of a servo that is hit far more than others are left out.",
     ),
 )
 
@@ -77,11 +78,17 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     kinds = case.ledger.exchanges.kinds
     order = sorted(range(len(kinds)), key=lambda k: -int(kinds.n[k]))
     requests = [kinds.example[k] for k in order[:HEADS]]
-    known = case.ledger.damages.likes.known
-    said = [some[0] for some in known.values()][:HEADS]
+    likes = case.ledger.damages.likes
+    # one of each length and servo: most are acknowledgements of goals, each another request
+    some = {(likes.asked[q], len(known[0])): known[0] for q, known in likes.known.items()}
+    said = [answer for answer in some.values() if len(answer) >= SHORTEST][:HEADS]
+    acks = {answer for answer in some.values() if len(answer) < SHORTEST}
     answers = said if case.has_checksum else []  # bare answers hold by no checksum
+    # what tears the answers of one servo far more than those of others is another matter; of bare
+    # ones it is not known whose they are
+    hit = torn_answers(case) if case.has_checksum else {}
     torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
-    torn = torn[:KEPT]
+    torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit][:KEPT]
     if len(torn) < LEAST or not requests:
         return
     if case.protocol.checksum_of(requests[0]) is None:
@@ -89,8 +96,8 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
         return
     # what ends as a request in the place of an answer was said into it
     alone = [d for d in torn if d.turn != IN_REPLY]
-    of_requests, tried = _completed(case, alone, requests)
-    of_answers, more = _completed(case, torn, answers)
+    of_requests, tried = _completed(case, alone, requests, acks)
+    of_answers, more = _completed(case, torn, answers, ())
     found = {**of_answers, **of_requests}
     chance = at_least(len(found), len(torn), min((tried + more) * BY_CHANCE / len(torn), 0.5))
     if len(found) < LEAST or len(of_requests) < max(1, REQUESTS * len(found)):
@@ -138,16 +145,20 @@ def _told(shown: Sequence[Damage], what: str, chance: float) -> Finding:
 
 
 def _completed(
-    case: Case, torn: Sequence[Damage], heads: Sequence[bytes]
+    case: Case, torn: Sequence[Damage], heads: Sequence[bytes], acks: Collection[bytes]
 ) -> tuple[Mapping[int, tuple[Damage, int]], int]:
-    """Return the pieces that hold behind a beginning, by place, with what they lack; the tries."""
+    """Return the pieces that hold behind a beginning, by place, with what they lack; the tries.
+
+    ``acks`` are answers of a byte: behind a piece they are no part of it.
+    """
     bare = BARE if case.protocol.ordered else 0
     tries: dict[bytes, list[tuple[Damage, int]]] = {}
     count = 0
     for d in torn:
         own = {
             head[: len(head) - len(piece)] + piece: len(head) - len(piece)
-            for piece in _pieces(d.got, heads, bare)
+            for got in (d.got, *(d.got[: -len(ack)] for ack in acks if d.got.endswith(ack)))
+            for piece in _pieces(got, heads, bare)
             for head in heads
             if len(head) > len(piece)
         }
