@@ -43,9 +43,9 @@ class Interruptions:
         if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
             # at the very end Python takes its handlers away, but leaves ignored what is
             atexit.register(_signal.signal, _signal.SIGINT, _signal.SIG_IGN)
-            _signal.signal(_signal.SIGINT, self._take)
             self._otherwise = sys.unraisablehook
             sys.unraisablehook = self._unraisable
+            _signal.signal(_signal.SIGINT, self._take)
         return self
 
     def __exit__(

@@ -44,6 +44,7 @@ SPANS_NS: Final = (*(round(5_000 * 2 ** (k / 2)) for k in range(12)), 300_000)
 300 us at most, between nine tenths of its answers."""
 
 LEAST: Final = 3
+"""Places that make a pattern."""
 
 STEADIER: Final = 2.0
 CLOCK_NS: Final = 20_000
@@ -124,7 +125,7 @@ def owner(case: Case) -> Owner | None:
 
 
 def _owner(case: Case) -> Owner | None:
-    if case.latency_ns > LATENCY_NS[Clock.FILE]:
+    if not case.has_clock or case.latency_ns > LATENCY_NS[Clock.FILE]:
         return None  # a host that holds bytes back moves them by more than they vary
     traces = _traces(case)
     found = []
@@ -180,9 +181,10 @@ def _second(d: Damage, byte_ns: int) -> SecondAnswer:
 
 
 def _less_steady(pairs: Sequence[SecondAnswer]) -> Iterator[TornPlace]:
-    """Yield of every two answers to a request the one that comes less steadily behind it.
+    """Yield of every two answers to a request the one that is not the servo's own.
 
-    Where that is the first, a servo's own answer comes second: the first is another's.
+    That is the second, unless the first comes far less steadily behind the request: then it is
+    another's, and was taken for the answer.
     """
     by_servo: dict[int, list[SecondAnswer]] = {}
     for s in pairs:

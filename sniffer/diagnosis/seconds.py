@@ -51,12 +51,15 @@ class SecondAnswers:
             row = int(np.searchsorted(f.t_end, found.t_ns[k]))
             if row >= len(f) or f.t_end[row] != found.t_ns[k] or f.uncertainty[row] < 0:
                 continue  # it is no frame, but bytes behind one; or nobody knows when it was
+            before = likes.asked_before(batch, row - 1)
+            if not before:
+                continue  # what it answers was asked before the capture, or long ago
             self._kept.append(
                 SecondAnswer(
                     int(f.start[row]) + batch.base,
                     int(f.length[row]),
                     int(found.servo_id[k]),
                     (likes.times(batch, row - 1), likes.times(batch, row)),
-                    likes.asked_before(batch, row - 1),
+                    before,
                 )
             )
