@@ -89,18 +89,33 @@ def test_sound_traffic_is_called_sound_and_on_what_it_was_judged(
     assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 4\s+servos", done.out)
 
 
-def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
-    diagnose: Asked, tmp_path: Path
-) -> None:
+def few_lost(path: Path) -> Path:
+    """Write a log in which servos 1 and 3 lose one answer each."""
+
     def lost(talk: Conversation, cycle: int, servo: int) -> bool:
         if (cycle, servo) not in {(90, 1), (240, 3)}:
             return False
         talk.ask_in_vain(servo)
         return True
 
-    done = diagnose.says(said(tmp_path / "a.log", robot("mightyzap", 8, instead=lost)))
+    return said(path, robot("mightyzap", 8, instead=lost))
+
+
+def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    done = diagnose.says(few_lost(tmp_path / "a.log"))
     assert "nothing is wrong" not in done.out
     assert re.search(r"no cause can be told of 2 x no-response \(servos 1, 3\)", done.out)
+
+
+def test_a_report_on_a_few_lost_answers_is_not_that_of_a_sound_capture(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    capture, page = few_lost(tmp_path / "a.log"), tmp_path / "a.html"
+    assert within(capsys, "report", capture, "-o", page).status == 0
+    assert 'class="verdict warn"' in page.read_text(encoding="utf-8")
+    assert "No cause can be told of 2 x no-response (servos 1, 3)." in page.read_text("utf-8")
 
 
 def test_who_looks_for_servos_finds_nothing_wrong(diagnose: Asked, tmp_path: Path) -> None:

@@ -126,7 +126,8 @@ def _verdict(content: Content) -> Markup:
     rest = [tag("p", left)] if content.rest else []
     if worst is None:
         told = [tag("h2", "No incident"), *(rest or [tag("p", SOUND)])]
-        return tag("section", *told, *broken, judged, cls="verdict sound", id="verdict")
+        how = "warn" if rest else "sound"
+        return tag("section", *told, *broken, judged, cls=f"verdict {how}", id="verdict")
     others = len(content.incidents) - 1
     more = counted(others, "further incident")
     return tag(
