@@ -163,6 +163,7 @@ def test_bytes_once_more_as_text_are_never_read_as_bytes(data: bytes, between: s
         ("%FF%A0%00%20", "tr -d"),
         ("start_time,name,data\n0.001,UART,0xFF", "start_time, duration, data"),
         ("FF A0 0 20", "write each byte with two"),
+        ("IzFRTVMNKjFRTVNMU1MtU1QxDSMxUU4NKjFRTjEy", "base64 -d"),
     ],
 )
 def test_what_terminals_and_debuggers_show_is_refused_with_the_way_out(

@@ -167,6 +167,11 @@ _LOGS: Final = tuple(
             "candump's screen output",
             "log it with `candump -L` instead",
         ),
+        (  # with a letter that no hex has
+            rb"(?=[0-9A-Fa-f]*[G-Zg-z+/])(?:[A-Za-z0-9+/]{4}){5,}(?:[A-Za-z0-9+/]{2,3}={1,2})?\r?$",
+            "base64",
+            "`base64 -d FILE | sniffer decode -`",
+        ),
     )
 )
 _NARROW: Final = "save it as UTF-8 or ASCII (PowerShell: `| Out-File -Encoding ascii FILE`)"
