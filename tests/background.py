@@ -30,10 +30,10 @@ class Job:
     output: Path
     shown: int = 0
 
-    def first(self) -> list[str]:
-        """Return what it prints first."""
+    def first(self, least: int = 1) -> list[str]:
+        """Return what it prints first, once there are so many lines, and whole ones."""
         deadline = time.monotonic() + OVER_S
-        while not self._lines() and self.process.poll() is None and time.monotonic() < deadline:
+        while self._whole() < least and self.process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.02)
         lines = self._lines()
         self.shown = len(lines)
@@ -59,6 +59,9 @@ class Job:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
+
+    def _whole(self) -> int:
+        return self.output.read_bytes().count(b"\n")
 
     def _lines(self) -> list[str]:
         return lines_of(self.output.read_text(encoding="utf-8"))

@@ -206,7 +206,7 @@ class Stage:
             return self._python(one.source)
         if one.source.endswith("&"):
             job = self._start(one.source.removesuffix("&"))
-            lines = job.first() if one.output else []
+            lines = job.first(len(one.output)) if one.output else []
             self.status = job.process.poll() or 0
             return lines
         if (awaited := _WAIT.fullmatch(one.source)) is not None:
