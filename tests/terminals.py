@@ -19,6 +19,7 @@ from sniffer.ground.model import InputError
 from sniffer.ports import PortOptions, open_port
 
 if TYPE_CHECKING:
+    import threading
     from collections.abc import Callable
     from pathlib import Path
 
@@ -40,6 +41,17 @@ nothing waits so long where all is well."""
 
 SETTLES_S: Final = 0.1
 """What a tap is given from the moment its settings hold until it is spoken to, in seconds."""
+
+
+def say_until(master: int, data: bytes, over: threading.Event) -> None:
+    """Put bytes on a line, or give up: it holds 4 KiB that nobody may read any more."""
+    os.set_blocking(master, False)
+    view = memoryview(data)
+    while view and not over.is_set():
+        try:
+            view = view[os.write(master, view) :]
+        except BlockingIOError:
+            over.wait(0.005)
 
 
 class Terminal:

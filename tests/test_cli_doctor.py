@@ -23,6 +23,7 @@ from sniffer.ground.model import NS, InputError
 from sniffer.ports import PortOptions, open_port
 from sniffer.simulation import simulate
 from tests.commands import records
+from tests.terminals import say_until
 from tests.test_doctor import misheard, said, slow
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def talking(name: str, say: Callable[[TrueFrame, int], tuple[bytes, ...]] = whol
             if stop.wait(max(0, began + frame.t_end_ns - time.monotonic_ns()) / NS):
                 return
             for piece in say(frame, master):
-                os.write(master, piece)
+                say_until(master, piece, stop)
 
     thread = threading.Thread(target=talk)
     thread.start()

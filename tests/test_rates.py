@@ -25,7 +25,7 @@ from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
 from tests.commands import talk, within
 from tests.recorder import Collected, assert_true_to_itself, codes, facts, frames_recorded, so_far
-from tests.terminals import LINUX_ONLY
+from tests.terminals import LINUX_ONLY, say_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -251,7 +251,7 @@ class Wire:
                 return
             rate = self.rates[-1]
             heard = data if rate == self.spoken else misheard(data, self.spoken, rate)[0]
-            os.write(self._master, heard)
+            say_until(self._master, heard, self._stop)
 
 
 @pytest.fixture
