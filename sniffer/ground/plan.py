@@ -71,13 +71,15 @@ class Sealed:
 
     def covered(self, raw: bytes) -> bytes:
         """Return the bytes of one packet that it covers."""
-        spans = [(first.of(0, len(raw)), last.of(0, len(raw))) for first, last in self.over]
-        return b"".join(raw[first:last] for first, last in spans)
+        n = len(raw)
+        spans = [raw[first.of(0, n) : last.of(0, n)] for first, last in self.over]
+        return spans[0] if len(spans) == 1 else b"".join(spans)
 
     def sent(self, raw: bytes) -> int:
         """Return what stands in one packet where it is."""
-        first, last = (edge.of(0, len(raw)) for edge in self.at)
-        return int.from_bytes(raw[first:last], "little")
+        first, last = self.at
+        raw = raw[first.of(0, len(raw)) : last.of(0, len(raw))]
+        return int.from_bytes(raw, "little")
 
 
 @dataclass(frozen=True, slots=True)

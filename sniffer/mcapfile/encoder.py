@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 
 from sniffer.ground.distinct import distinct, groups_of
 from sniffer.mcapfile.rows import HEAD, RECORD, Blob, Heads, Loose, MessageRows, Void
-from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
+from sniffer.mcapfile.varints import narrow, sized, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -133,7 +133,7 @@ class _Shape:
     ) -> list[bytes]:
         """Return a record for each tail: what stands around them in one go."""
         block = self.many(values, alike, len(tails)).view(np.uint8)
-        filled = [_counted(tail) for tail in tails]
+        filled = [sized(tail) for tail in tails]
         length = np.fromiter(map(len, filled), np.int64, len(filled))
         size = np.ndarray((len(tails),), "<u8", block, 1, (self._width,))  # behind the opcode
         size[:] = self._width - HEAD.size + length
@@ -154,16 +154,9 @@ class _Shape:
         record = self._pack(*arguments)
         if self._open is None:
             return record
-        filled = record[HEAD.size : self._open] + _counted(tail)
+        filled = record[HEAD.size : self._open] + sized(tail)
         rest = record[self._open :]
         return b"".join((HEAD.pack(Opcode.MESSAGE, len(filled) + len(rest)), filled, rest))
-
-
-def _counted(tail: bytes) -> bytes:
-    return _length(len(tail)) + tail
-
-
-_length: Final = functools.lru_cache(maxsize=1 << 12)(varint)
 
 
 def _width(pieces: Iterable[bytes | tuple[str, str, str]]) -> int:

@@ -31,7 +31,7 @@ from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Stats,
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     import numpy.typing as npt
     from google.protobuf.message import Message
@@ -319,19 +319,19 @@ class BusWriter:
     def _write_gaps(self, batch: Batch) -> None:
         gaps = Gaps.of(batch.gaps)
         start, length, times = gaps.start, gaps.length, gaps.t_ns
-        messages = gap_messages(batch)
         self._seconds.count(GAPS, times, length)
-        self._rare("gaps", messages, self._arrivals.of(batch.base + start + length, times), times)
+        if len(gaps) and self._queue.wants("gaps"):
+            log = self._arrivals.of(batch.base + start + length, times)
+            self._rare("gaps", Gap, gap_messages(batch), log, times)
 
     def _write_anomalies(self, batch: Batch) -> None:
         found = sorted(batch.anomalies, key=lambda a: a.t_ns)
         times = np.array([a.t_ns for a in found], np.int64)
         self._seconds.count(ANOMALIES, times)
-        messages = anomaly_messages(found)
-        self._rare("anomalies", messages, times, times)
+        self._rare("anomalies", Anomaly, anomaly_messages(found), times, times)
         if self._ros2 is not None:
             self._ros2.anomalies(self._root, found, times)
-        self._rare("log", log_messages(found, self.name), times, times)
+        self._rare("log", Log, log_messages(found, self.name), times, times)
 
     def _write_stats(self, *, final: bool) -> None:
         rows = self._seconds.over(final=final)
@@ -340,14 +340,16 @@ class BusWriter:
                 row.bus_load_percent = 100 * row.bytes * byte_time_ns(self._baud) / NS
         times = np.array([r.t_ns for r in rows], np.int64)
         times = np.maximum(np.minimum(times + NS, self.newest), times)
-        self._rare("stats", rows, times, times)
+        self._rare("stats", Stats, (row.SerializeToString() for row in rows), times, times)
 
-    def _rare(self, topic: str, messages: Sequence[Message], log: I64, publish: I64) -> None:
-        """Queue messages that are built one by one."""
-        if not messages or not self._queue.wants(topic):
+    def _rare(
+        self, topic: str, kind: type[Message], messages: Iterable[bytes], log: I64, publish: I64
+    ) -> None:
+        """Queue messages that are built one by one, one for each time."""
+        if not len(log) or not self._queue.wants(topic):
             return
-        heads = self._heads(self._channel(topic, type(messages[0])), log, publish)
-        self._queue.add(topic, Loose.of(messages, heads))
+        heads = self._heads(self._channel(topic, kind), log, publish)
+        self._queue.add(topic, Loose.holding(messages, heads))
 
     def _channel(self, topic: str, message: type[Message] | MessageType, **facts: str) -> int:
         """Return the channel of a topic, opened with its first message."""

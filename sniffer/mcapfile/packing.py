@@ -87,37 +87,35 @@ class Packer:
         self._large = zstandard.ZstdCompressor(level=LEVEL)
         self._small = zstandard.ZstdCompressor(level=SMALL_LEVEL)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="chunks") if beside else None
-        self._waiting: deque[tuple[Future[bytes], ChunkContents]] = deque()
+        self._waiting: deque[tuple[Future[tuple[bytes, int]], ChunkContents]] = deque()
 
     def pack(self, contents: ChunkContents) -> Iterator[ReadyChunk]:
         """Take a chunk; yield what can be written now."""
         if self._thread is None:
-            yield _ready(self._compress(contents.data), contents)
+            yield ready("zstd", *self._compress(contents.data), contents)
         else:
-            # only this: the thread waits for the interpreter as often as it comes back from zstd
+            # only this: the thread waits for the interpreter as often as it comes back
             packing = self._thread.submit(self._compress, contents.data)
             self._waiting.append((packing, contents))
             yield from self.done(wait=False)
 
-    def _compress(self, data: bytes | memoryview) -> bytes:
-        return (self._small if len(data) < SMALL else self._large).compress(data)
+    def _compress(self, data: bytes | memoryview) -> tuple[bytes, int]:
+        """Return a chunk's records packed, and their sum: both work outside the lock."""
+        crc = zlib.crc32(data)
+        return (self._small if len(data) < SMALL else self._large).compress(data), crc
 
     def done(self, *, wait: bool) -> Iterator[ReadyChunk]:
         """Yield the chunks that are packed by now, in their order; ``wait``: all there are."""
         waiting = self._waiting
         while waiting and (wait or len(waiting) > WAITING or waiting[0][0].done()):
             packing, contents = waiting.popleft()
-            yield _ready(packing.result(), contents)
+            yield ready("zstd", *packing.result(), contents)
 
     def drop(self) -> None:
         """Forget what is not written, and end the thread."""
         self._waiting.clear()
         if self._thread is not None:
             self._thread.shutdown(wait=False, cancel_futures=True)
-
-
-def _ready(packed: bytes, contents: ChunkContents) -> ReadyChunk:
-    return ready("zstd", packed, zlib.crc32(contents.data), contents)
 
 
 def _message_indexes(

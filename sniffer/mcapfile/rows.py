@@ -5,6 +5,7 @@ Their log times are written last, when the order in the file is known.
 
 from __future__ import annotations
 
+import operator
 import struct
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
@@ -31,18 +32,16 @@ RECORD: Final = struct.Struct("<BQHIQQ")
 HEAD: Final = struct.Struct("<BQ")
 """Head of any record: opcode, length."""
 
-_NUMBER: Final = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("size", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log", "<u8"),
-        ("publish", "<u8"),
-        ("begin", f"V{len(ONE_NUMBER)}"),
-        ("value", "<f8"),
-    ]
-)
+_FIELDS: Final = [
+    ("opcode", "u1"),
+    ("size", "<u8"),
+    ("channel", "<u2"),
+    ("sequence", "<u4"),
+    ("log", "<u8"),
+    ("publish", "<u8"),
+]
+_RECORD: Final = np.dtype(_FIELDS)
+_NUMBER: Final = np.dtype([*_FIELDS, ("begin", f"V{len(ONE_NUMBER)}"), ("value", "<f8")])
 """A record whose message is an array of one number, as ROS 2 has it."""
 
 LOG_AT: Final = 15
@@ -128,12 +127,15 @@ class Loose:
     @classmethod
     def holding(cls, encoded: Iterable[bytes], heads: Heads) -> Loose:
         """Return records of messages in any encoding."""
-        numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
-        records = []
-        for data, channel, sequence, publish in zip(encoded, *numbers, strict=True):
-            size = RECORD.size - HEAD.size + len(data)
-            records.append(RECORD.pack(Opcode.MESSAGE, size, channel, sequence, 0, publish) + data)
-        return cls(records, heads)
+        bodies = list(encoded)
+        before = np.zeros(len(bodies), _RECORD)
+        before["opcode"] = Opcode.MESSAGE
+        before["size"] = np.fromiter(map(len, bodies), np.int64, len(bodies))
+        before["size"] += RECORD.size - HEAD.size
+        before["channel"], before["sequence"] = heads.channel, heads.sequence
+        before["publish"] = heads.publish
+        begins = before.view(f"V{RECORD.size}").tolist()
+        return cls(list(map(operator.add, begins, bodies)), heads)
 
     @property
     def widths(self) -> I64:

@@ -6,6 +6,7 @@ spelled out message by message, by protobuf itself.
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,6 +20,17 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import I64, Mask
     from sniffer.mcapfile.rows import Blob
+
+_F: Final = FieldDescriptor
+_WRITTEN: Final[Mapping[int, int]] = {
+    _F.TYPE_FIXED64: 1,
+    _F.TYPE_SFIXED64: 1,
+    _F.TYPE_STRING: 2,
+    _F.TYPE_BYTES: 2,
+    _F.TYPE_MESSAGE: 2,
+    _F.TYPE_FIXED32: 5,
+}
+"""Wire type of a field by its declared type."""
 
 NARROW: Final = 1 << 14
 """Numbers below this one are varints of two bytes."""
@@ -53,6 +65,24 @@ def varint(number: int) -> bytes:
         number >>= 7
     out.append(number)
     return bytes(out)
+
+
+def key(message: type[Message], name: str) -> bytes:
+    """Return what stands before a field, as the format has it: its number and how it is written.
+
+    Raises:
+        KeyError: its type is none of those whose values are written here.
+    """
+    field = message.DESCRIPTOR.fields_by_name[name]
+    return varint(field.number << 3 | _WRITTEN[field.type])
+
+
+def sized(data: bytes) -> bytes:
+    """Return a text, bytes or a message with the length before it."""
+    return _length(len(data)) + data
+
+
+_length: Final = functools.lru_cache(maxsize=1 << 12)(varint)
 
 
 def spelled(

@@ -31,7 +31,9 @@ class Words:
     def __init__(self, columns: FamilyColumns) -> None:
         self.family = family = columns.family
         self.plan = columns.plan
-        self._size = self.plan.size
+        self._size, self._size_place = self.plan.size, size_place(self.plan)
+        header, answer = self.plan.header, family.answer_header
+        self._heads = (header,) if answer in (b"", header) else (header, answer)
         error = field_named(family.feedback, "error")
         self._bits, self._numbers = flag_bits(error), numbers(error)
         self._tells_more = family.tells_more
@@ -235,9 +237,8 @@ class Words:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
         del awaited  # headers tell
         out: list[Gap] = []
-        plan, head = self.plan, self.plan.header
-        heads = (head, self.family.answer_header or head)
-        size_at, width = size_place(plan)
+        plan, head, heads = self.plan, self.plan.header, self._heads
+        size_at, width = self._size_place
         p, n = 0, len(run)
 
         def add(until: int, reason: str, detail: dict[str, Any]) -> None:
@@ -264,7 +265,7 @@ class Words:
                 add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
                 continue
             following = _first(run, heads, at + len(head))
-            need = None if size is None else int(self._total[size])
+            need = None if size is None else self._total.item(size)
             stop = at + (need or 0)
             if need is None or stop > n or 0 <= following < stop - plan.behind:
                 end = following if following >= 0 else n
@@ -309,9 +310,11 @@ class Words:
         return {"fields": out} if out else {}
 
 
-def _first(run: bytes, heads: tuple[bytes, bytes], at: int) -> int:
+def _first(run: bytes, heads: tuple[bytes, ...], at: int) -> int:
     """Return where the first header stands from an offset on, -1 if there is none."""
-    found = [place for head in dict.fromkeys(heads) if (place := run.find(head, at)) >= 0]
+    if len(heads) == 1:
+        return run.find(heads[0], at)
+    found = [place for head in heads if (place := run.find(head, at)) >= 0]
     return min(found, default=-1)
 
 
