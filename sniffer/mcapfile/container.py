@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from sniffer.mcapfile.packing import ReadyChunk
-    from sniffer.mcapfile.queue import Sorted
+    from sniffer.mcapfile.queue import Sorted, Unsorted
 
 
 class Container:
@@ -170,18 +170,31 @@ class Container:
             )
         )
 
+    def write_unsorted(self, rows: Unsorted) -> None:
+        """Write messages in the order of their log times, none below what is in the file already.
+
+        Chunks are made of them where chunks are packed, and before them the schemas and channels
+        that are new.
+        """
+        floor, head = self.last, self._news()
+        self._ahead = max(floor, rows.last)
+        self._place(self._packer.lay(rows, floor, head))
+
     def write(self, rows: Sorted, *, indexed: bool = True) -> None:
         """Write a chunk of messages, and before them the schemas and channels that are new.
 
         ``indexed``: behind it stands where in it each message is, 16 bytes each. Viewers that look
         messages up find only those; who reads whole chunks finds all.
         """
-        head = b"".join(map(as_bytes, self._new))
-        data = b"".join((head, rows.data)) if head else rows.data
-        at = rows.start + len(head) if head else rows.start
-        self._new.clear()
+        head = self._news()
         self._ahead = max(self._ahead, int(rows.log.max()))
-        self._place(self._packer.pack(ChunkContents(data, rows.log, rows.channel, at, indexed)))
+        self._place(self._packer.pack(ChunkContents.of(rows, head, indexed=indexed)))
+
+    def _news(self) -> bytes:
+        """Return the schemas and channels that are new, once."""
+        head = b"".join(map(as_bytes, self._new))
+        self._new.clear()
+        return head
 
     def chunk(self, compression: str, packed: bytes, crc: int, contents: ChunkContents) -> None:
         """Write a chunk that is packed already; ``crc`` is the sum of what it holds."""

@@ -1,15 +1,18 @@
 """Chunks of an MCAP file made ready to be written: packed, summed, and with an index behind them.
 
-Of a conversion a thread packs them beside the one that decodes and encodes: zstd works outside the
-interpreter's lock. What is written is the same, in the same order.
+Of a conversion a thread puts messages in order and packs them, beside the one that decodes and
+encodes: zstd, sums and large copies work outside the interpreter's lock. What is written is the
+same, in the same order.
 """
 
 from __future__ import annotations
 
+import itertools
 import struct
 import zlib
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -19,12 +22,13 @@ from mcap.opcode import Opcode
 from sniffer.mcapfile.index import ChunkNote
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from concurrent.futures import Future
 
     import numpy.typing as npt
 
     from sniffer.ground.model import I64
+    from sniffer.mcapfile.queue import Sorted, Unsorted
     from sniffer.mcapfile.rows import U16
 
 LEVEL: Final = 1
@@ -34,8 +38,8 @@ SMALL: Final = 1 << 17
 SMALL_LEVEL: Final = 3
 """Of chunks of fewer bytes, as those of the raw bytes of a live recording are: a twentieth less."""
 
-WAITING: Final = 8
-"""Chunks handed over and not written yet: from then on the next one waits for the first."""
+WAITING: Final = 16 << 20
+"""Records handed over and not written yet, in bytes: from then on one waits for the first."""
 
 _INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
 
@@ -51,6 +55,13 @@ class ChunkContents(NamedTuple):
     channel: U16
     at: I64
     indexed: bool
+
+    @classmethod
+    def of(cls, rows: Sorted, head: bytes, *, indexed: bool) -> ChunkContents:
+        """Return messages with other records before them."""
+        data = b"".join((head, rows.data)) if head else rows.data
+        at = rows.start + len(head) if head else rows.start
+        return cls(data, rows.log, rows.channel, at, indexed)
 
 
 class ReadyChunk(NamedTuple):
@@ -87,33 +98,53 @@ class Packer:
         self._large = zstandard.ZstdCompressor(level=LEVEL)
         self._small = zstandard.ZstdCompressor(level=SMALL_LEVEL)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="chunks") if beside else None
-        self._waiting: deque[tuple[Future[tuple[bytes, int]], ChunkContents]] = deque()
+        self._waiting: deque[tuple[Future[list[ReadyChunk]], int]] = deque()
+        self._held = 0
 
     def pack(self, contents: ChunkContents) -> Iterator[ReadyChunk]:
         """Take a chunk; yield what can be written now."""
-        if self._thread is None:
-            yield ready("zstd", *self._compress(contents.data), contents)
-        else:
-            # only this: the thread waits for the interpreter as often as it comes back
-            packing = self._thread.submit(self._compress, contents.data)
-            self._waiting.append((packing, contents))
-            yield from self.done(wait=False)
+        return self._do(partial(self._packed, [contents]), len(contents.data))
 
-    def _compress(self, data: bytes | memoryview) -> tuple[bytes, int]:
-        """Return a chunk's records packed, and their sum: both work outside the lock."""
-        crc = zlib.crc32(data)
-        return (self._small if len(data) < SMALL else self._large).compress(data), crc
+    def lay(self, rows: Unsorted, floor: int, head: bytes) -> Iterator[ReadyChunk]:
+        """Take messages, put them in order and pack them; yield what can be written now.
+
+        No log time is below ``floor``; ``head`` are records that stand before all of them.
+        """
+        return self._do(partial(self._laid, rows, floor, head), rows.size)
+
+    def _do(self, make: Callable[[], list[ReadyChunk]], size: int) -> Iterator[ReadyChunk]:
+        if self._thread is None:
+            yield from make()
+            return
+        self._waiting.append((self._thread.submit(make), size))
+        self._held += size
+        yield from self.done(wait=False)
+
+    def _laid(self, rows: Unsorted, floor: int, head: bytes) -> list[ReadyChunk]:
+        heads = itertools.chain([head], itertools.repeat(b""))
+        pieces = zip(rows.sorted(floor).pieces(), heads, strict=False)
+        return self._packed(ChunkContents.of(rows, head, indexed=True) for rows, head in pieces)
+
+    def _packed(self, chunks: Iterable[ChunkContents]) -> list[ReadyChunk]:
+        out = []
+        for contents in chunks:
+            packer = self._small if len(contents.data) < SMALL else self._large
+            crc = zlib.crc32(contents.data)
+            out.append(ready("zstd", packer.compress(contents.data), crc, contents))
+        return out
 
     def done(self, *, wait: bool) -> Iterator[ReadyChunk]:
         """Yield the chunks that are packed by now, in their order; ``wait``: all there are."""
         waiting = self._waiting
-        while waiting and (wait or len(waiting) > WAITING or waiting[0][0].done()):
-            packing, contents = waiting.popleft()
-            yield ready("zstd", *packing.result(), contents)
+        while waiting and (wait or self._held > WAITING or waiting[0][0].done()):
+            packing, size = waiting.popleft()
+            self._held -= size
+            yield from packing.result()
 
     def drop(self) -> None:
         """Forget what is not written, and end the thread."""
         self._waiting.clear()
+        self._held = 0
         if self._thread is not None:
             self._thread.shutdown(wait=False, cancel_futures=True)
 

@@ -70,6 +70,34 @@ class Sorted:
 
 
 @dataclass(frozen=True, slots=True)
+class Unsorted:
+    """Message records that were taken out of a queue; nothing changes them any more."""
+
+    parts: Sequence[MessageRows | Loose]
+
+    @property
+    def last(self) -> int:
+        """The latest log time."""
+        return max(int(part.heads.log.max()) for part in self.parts)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the records."""
+        return sum(int(part.widths.sum()) for part in self.parts)
+
+    def sorted(self, floor: int) -> Sorted:
+        """Return them in the order of their log times, none of which is below ``floor``."""
+        parts = self.parts
+        log = np.concatenate([p.heads.log for p in parts])
+        channel = np.concatenate([p.heads.channel for p in parts])
+        widths = np.concatenate([p.widths for p in parts])
+        order = np.lexsort((np.concatenate([p.heads.rank for p in parts]), log))
+        where = np.empty(len(order), np.int64)
+        where[order] = np.arange(len(order))
+        return _laid(parts, where, np.maximum(log[order], floor), channel[order], widths[order])
+
+
+@dataclass(frozen=True, slots=True)
 class _Lot:
     """Records that were queued together; their ranks are the ``count`` ones from ``first`` on."""
 
@@ -109,8 +137,8 @@ class Queue:
             self._lots.append(_Lot(topic, parts, first, count))
             self.size += sum(int(part.widths.sum()) for part in parts)
 
-    def take(self, until: int | None, floor: int) -> Sorted | None:
-        """Return what is not later than ``until`` (None: all), no log time below ``floor``."""
+    def take(self, until: int | None) -> Unsorted | None:
+        """Return what is not later than ``until``, None: all; None where there is nothing."""
         lots, self._lots, self.size = self._lots, [], 0
         if until is not None:
             for lot in lots:
@@ -122,15 +150,7 @@ class Queue:
             masks = [part.heads.log <= until for part in parts]
             now = zip(parts, masks, strict=True)
             parts = [p if mask.all() else p.take(mask) for p, mask in now if mask.any()]
-        if not parts:
-            return None
-        log = np.concatenate([p.heads.log for p in parts])
-        channel = np.concatenate([p.heads.channel for p in parts])
-        widths = np.concatenate([p.widths for p in parts])
-        order = np.lexsort((np.concatenate([p.heads.rank for p in parts]), log))
-        where = np.empty(len(order), np.int64)
-        where[order] = np.arange(len(order))
-        return _laid(parts, where, np.maximum(log[order], floor), channel[order], widths[order])
+        return Unsorted(parts) if parts else None
 
     def lots(self, topics: Sequence[str]) -> Sorted | None:
         """Return what waits of some topics, lot by lot, nothing sorted: each is in order in itself.

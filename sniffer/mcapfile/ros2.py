@@ -163,9 +163,11 @@ class RosWriter:
 
         It is all that waits: what else there was has been taken kind by kind.
         """
-        rows = self._queue.take(None, self._until)
-        if rows is not None:
-            self._until = int(rows.log[-1])
+        waiting = self._queue.take(None)
+        if waiting is None:
+            return None
+        rows = waiting.sorted(self._until)
+        self._until = int(rows.log[-1])
         return rows
 
     def states(

@@ -362,8 +362,9 @@ class McapSink:
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:
-        rows = self._queue.take(until, self._file.last)
-        self._write_all(rows, indexed=True)
+        rows = self._queue.take(until)
+        if rows is not None:
+            self._file.write_unsorted(rows)
         self._file.sync()
         self._since = time.monotonic_ns() if self._queue.size else None
 

@@ -106,9 +106,10 @@ class FoxgloveSink:
         self._server.stop()
 
     def _send(self) -> None:
-        rows = self._queue.take(None, 0)
-        if rows is None:
+        waiting = self._queue.take(None)
+        if waiting is None:
             return
+        rows = waiting.sorted(0)
         columns = (c.tolist() for c in (rows.channel, rows.log, rows.start, rows.end))
         for number, log, start, end in zip(*columns, strict=True):
             channel = self._channels[number]
