@@ -95,20 +95,19 @@ class Grid:
 
     def curves(self) -> dict[int, Trace]:
         """Return the curves by number."""
+        return {curve: self.trace(curve) for curve in range(self._curves)}
+
+    def trace(self, curve: int) -> Trace:
+        """Return one curve by its number; one that was not kept is empty."""
         key, columns = self._rows.table()
-        which = key >> _PLACE
-        at = key - (which << _PLACE) - _ORIGIN - self.first_ns // self.width_ns
-        edges = np.searchsorted(which, np.arange(self._curves + 1))
-        value = {name: columns[name] / MILLI for name in ("low", "high", "total", "last")}
-        out = {}
-        for curve in range(self._curves):
-            mine = slice(edges[curve], edges[curve + 1])
-            n = columns["n"][mine]
-            mean = value["total"][mine] / np.maximum(n, 1)
-            out[curve] = Trace(
-                at[mine], n, value["low"][mine], value["high"][mine], mean, value["last"][mine]
-            )
-        return out
+        edges = np.array([curve, curve + 1], np.int64) << _PLACE
+        mine = slice(*np.searchsorted(key, edges).tolist())
+        at = key[mine] - edges[0] - _ORIGIN - self.first_ns // self.width_ns
+        n = columns["n"][mine]
+        low, high, total, last = (
+            columns[c][mine] / MILLI for c in ("low", "high", "total", "last")
+        )
+        return Trace(at, n, low, high, total / np.maximum(n, 1), last)
 
     def _reach(self, first_ns: int, last_ns: int) -> None:
         """Take a span of time in; where it is too long, buckets are joined two by two."""

@@ -35,8 +35,8 @@ def profile(grid: Grid, curve: int) -> Slices:
         width *= 2
     begin = first // width
     sums = np.zeros(max((last - 1) // width - begin + 1, 1))
-    trace = grid.curves().get(curve)
-    if trace is not None and len(trace):
+    trace = grid.trace(curve)
+    if len(trace):
         at = (first + trace.at * grid.width_ns) // width - begin
         np.add.at(sums, at, trace.mean * trace.n)
     return Slices(begin * width, width, np.round(sums, 3).tolist())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from sniffer.ground.codes import DAMAGED, MISMATCHED, NO_RESPONSE, REQUEST
 from sniffer.ground.model import ECHO
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import Batch
+    from collections.abc import Mapping
+
+    from sniffer.ground.model import I64, Batch, Mask
 
 FAILED: Final = (NO_RESPONSE, MISMATCHED, DAMAGED)
 """Outcomes after which a controller asks again."""
@@ -40,24 +42,32 @@ class Retries:
         failed = np.isin(t.outcome[rows], FAILED)
         if failed.any() or self._failed:
             asked, which = batch.asking(t.request[rows])
-            shown = batch.shows("transactions", len(t))[rows]
             answer = t.response[rows]
             place = np.where(answer >= 0, f.start[np.maximum(answer, 0)], asked.start[which])
-            for k in np.argsort(place, kind="stable").tolist():
-                row = int(which[k])
-                start, end = int(asked.start[row]), int(asked.end[row])
-                at = batch.base + start
-                said = self._open.get(at, b"") if start < 0 else batch.data[start:end]
-                servo = int(asked.servo_id[row])
-                if self._is_again(servo, at, said, failed[k]) and shown[k]:
-                    self.counts[servo, int(asked.op[row])] += 1
+            servo = asked.servo_id[which].astype(np.int64)
+            order = np.lexsort((place, servo))  # of one servo side by side, as they end
+            shown = batch.shows("transactions", len(t))[rows[order]]
+            said = _Said(batch, asked.start, asked.length, which[order], self._open)
+            self._count(said, servo[order], asked.op[which[order]], failed[order], shown)
         self._remember(batch)
 
-    def _is_again(self, servo: int, at: int, said: bytes, failed: bool) -> bool:
-        before = self._failed.pop(servo, None)
-        if failed:
-            self._failed[servo] = at, said
-        return before is not None and before[0] != at and before[1] == said
+    def _count(self, said: _Said, servo: I64, op: I64, failed: Mask, shown: Mask) -> None:
+        """Look at those that come behind one that failed; others are no retries."""
+        if not len(servo):
+            return
+        begins = np.append(True, servo[1:] != servo[:-1])
+        behind = np.append(False, failed[:-1]) & ~begins & shown
+        for k in np.flatnonzero(behind).tolist():
+            if _is_again(said.of(k - 1), said.of(k)):
+                self.counts[servo.item(k), op.item(k)] += 1
+        ends = np.append(np.flatnonzero(begins)[1:], len(servo)) - 1
+        for first, last in zip(np.flatnonzero(begins).tolist(), ends.tolist(), strict=True):
+            who = servo.item(first)
+            before = self._failed.pop(who, None)
+            if before is not None and shown[first] and _is_again(before, said.of(first)):
+                self.counts[who, op.item(first)] += 1
+            if failed[last]:
+                self._failed[who] = said.of(last)
 
     def _remember(self, batch: Batch) -> None:
         """Keep the bytes of requests that are answered in a later batch."""
@@ -70,3 +80,27 @@ class Retries:
             self._open[batch.base + start] = batch.data[start : start + length]
         for start in list(self._open)[:-OPEN]:
             del self._open[start]
+
+
+def _is_again(before: tuple[int, bytes], now: tuple[int, bytes]) -> bool:
+    """Tell whether a request repeats the one before; one that was answered twice is no other."""
+    return before[0] != now[0] and before[1] == now[1]
+
+
+class _Said(NamedTuple):
+    """The requests of exchanges: those of this batch, and of earlier ones that were open."""
+
+    batch: Batch
+    start: I64
+    length: I64
+    which: I64
+    open: Mapping[int, bytes]
+
+    def of(self, k: int) -> tuple[int, bytes]:
+        """Return where in the stream the request of an exchange stands, and its bytes."""
+        row = self.which.item(k)
+        start, length = self.start.item(row), self.length.item(row)
+        at = self.batch.base + start
+        if start < 0:
+            return at, self.open.get(at, b"")
+        return at, self.batch.data[start : start + length]
