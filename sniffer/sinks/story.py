@@ -6,8 +6,7 @@ import datetime
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
-from rich.padding import Padding
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from sniffer.diagnosis.causes import CAUSES
@@ -56,30 +55,47 @@ def print_incidents(
 
 
 def _print(i: Incident, console: Console, *, clock: bool) -> None:
+    """Print one incident; what does not fit in a line goes on below where it began."""
     level = i.severity.name.lower()
-    when = f"{moment(i.first_ns)} " if clock else ""
-    head = Text(f"{i.number}  {when}")
+    head = Text(f"{moment(i.first_ns)} " if clock else "")
     head.append(level, style=_COLOUR[level])
     head.append(f"  {i.story}", style="bold")
-    console.print(head)
+    often = _how_often(i, clock=clock)
+    _hang(console, f"{i.number}  ", [head, *([Text(often)] if often else [])])
+    _hang(console, "   next: ", [Text(i.next)])
     for rank, cause in enumerate(i.causes):
-        sure = f"{cause.percent} %"
-        line = Text(f"{sure:>5} {cause.cause}")
+        line = Text(cause.cause)
         if not rank:
             line.append(f": {cause.why}")
-        console.print(Padding(line, (0, 0, 0, 3)))
+        _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
     if i.against:
-        console.print(Padding(Text(i.against), (0, 0, 0, 3)))
-    for f in i.findings[:FINDINGS_SHOWN]:
-        console.print(Padding(Text(f"- {f.what}"), (0, 0, 0, 3)))
+        _hang(console, "   ", [Text(i.against)])
+    found = [f.what for f in i.findings[:FINDINGS_SHOWN]]
     left = len(i.findings) - FINDINGS_SHOWN
     if left > 0:
-        console.print(Padding(Text(f"- and {left} more findings"), (0, 0, 0, 3)))
+        found.append(f"and {left} more finding{'s' if left > 1 else ''}")
+    for what in found:
+        _hang(console, "   - ", [Text(what)])
     offsets = dict.fromkeys(p.offset for f in i.findings for p in f.places)
     if offsets:
         told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
-        console.print(Padding(Text(f"see {told}"), (0, 0, 0, 3)))
-    console.print(Padding(Text(f"next: {i.next}"), (0, 0, 0, 3)))
+        _hang(console, "   see ", [Text(told)])
+
+
+def _how_often(i: Incident, *, clock: bool) -> str:
+    """Return how often something happened and until when, where that is more than once."""
+    times = f"{i.count} times" if i.count > 1 else ""
+    first, last = moment(i.first_ns), moment(i.last_ns)
+    until = f"until {last}" if clock and last != first else ""
+    return " ".join(filter(None, (times, until)))
+
+
+def _hang(console: Console, label: str, lines: Sequence[Text]) -> None:
+    """Print lines behind a label, indented by its width."""
+    grid = Table.grid(Column(no_wrap=True, min_width=len(label)), Column(overflow="fold"))
+    for nth, line in enumerate(lines):
+        grid.add_row(Text("" if nth else label), line)
+    console.print(grid)
 
 
 def print_weighing(
