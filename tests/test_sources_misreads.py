@@ -6,10 +6,15 @@ CPython's repr, PuTTY's log.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 from sniffer.sources import open_source
 from tests.inputs import read, refusal
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 FRAMES = [
     bytes.fromhex(frame)
@@ -34,6 +39,7 @@ def lines_of(form: str) -> bytes:
         ("{n}:{hex}", "line numbers"),  # grep -n
         ("{size:02d} {hex}", "lengths"),
         ("[{size}] {hex}", "lengths"),
+        ("{size:02X} {hex}", "lengths"),
         ("{ms} {hex}", "times"),  # millis()
         ("{ms},{hex}", "times"),
         ("{s} {hex}", "times"),  # time(NULL)
@@ -47,6 +53,29 @@ def test_a_column_before_the_bytes_is_never_read_as_bytes(form: str, column: str
 def test_bytes_that_stand_first_in_each_line_are_no_column(form: str) -> None:
     text = lines_of(form)
     assert read(text) == bytes.fromhex(text.decode())
+
+
+def rows_of(size: int, form: str, data: bytes) -> bytes:
+    """Return a line for each row of a dump."""
+    rows = [data[at : at + size] for at in range(0, len(data), size)]
+    return "".join(form.format(size=len(row), hex=row.hex(" ")) + "\n" for row in rows).encode()
+
+
+@pytest.mark.parametrize("size", [8, 16, 32])
+@pytest.mark.parametrize(
+    ("form", "column"), [("{size:02x} {hex}", "lengths"), ("01 {hex}", "numbers that are all 01")]
+)
+def test_a_column_that_says_the_same_in_all_rows_of_a_dump_is_no_byte(
+    size: int, form: str, column: str
+) -> None:
+    text = rows_of(size, form, b"".join(FRAMES) * 15)
+    assert f"behind a column of {column} is not read: keep only" in refusal(text)
+
+
+def test_frames_of_one_length_a_line_are_bytes_although_all_begin_alike() -> None:
+    answers = [bytes.fromhex("FFFFFF010A00") + bytes(range(n, n + 11)) for n in range(20)]
+    text = "\n".join(answer.hex(" ") for answer in answers)
+    assert read(text.encode()) == b"".join(answers)
 
 
 def test_decimal_numbers_of_two_digits_are_asked_about_where_no_bus_speaks_so_in_hex() -> None:
@@ -154,6 +183,8 @@ def test_bytes_once_more_as_text_are_never_read_as_bytes(data: bytes, between: s
         ("Nov 24 10:00:00 robot servod[812]: TX ff a0 00 20", "journalctl -o cat"),
         ("Nov 24 10:00:00 00000000  ff a0 00 20  |... |", "(seconds.fraction)"),
         ("1795215306.000100 00000000: ffa0 0020  ... ", "(seconds.fraction)"),
+        ("Nov 24 10:00:00 00000000: ffa0 0020  ... ", "(seconds.fraction)"),
+        ("I (1216) uart: ff a0 00 20", "(seconds.fraction)"),
         (" (2026-11-24 10:00:00.000001)  can0  123   [2]  FF A0", "candump -L"),
         ("Host -->  0xFF 0xA0 0x00 0x20", "(seconds.fraction)"),
         ("let d: [u8; 2] = [0xff, 0xa0];", "brackets"),
@@ -170,3 +201,43 @@ def test_what_terminals_and_debuggers_show_is_refused_with_the_way_out(
     line: str, instead: str
 ) -> None:
     assert instead in refusal(line.encode() + b"\n")
+
+
+@pytest.mark.parametrize(
+    ("head", "instead"),
+    [
+        ("Time,0,1,2,3\n-0.000000250,1,1,1,1", "value change dump (VCD)"),
+        ("Times;CH1 MOSI;CH2 CLK\n0 ns;1;1\n4.860 530 ms;1;0", "value change dump (VCD)"),
+        ("Time [s],Channel 1\n-0.000004508,2.499", "value change dump (VCD)"),
+        ("x-axis,1,2\nsecond,Volt,Volt\n-1.0E-03,-249.9E-06,+31.5E-03", "a logic analyser"),
+        ("Model,MDO4104C\nFirmware Version,1.10\n", "a logic analyser"),
+        ("X,CH1,Start,Increment\nSequence,VOLT,-6.0e-04,1.0e-06", "a logic analyser"),
+    ],
+)
+def test_tables_of_analysers_and_oscilloscopes_are_refused_with_the_way_out(
+    head: str, instead: str
+) -> None:
+    assert instead in refusal(f"{head}\n".encode())
+
+
+@pytest.mark.parametrize(
+    ("begin", "instead"),
+    [
+        (b"\x7f\x01\x05\x01\x09Data save\x03\0", "in Logic 1, export the data as VCD"),
+        (b"\x16\0\0\0serialization::archive\x05\0", "in Logic 1, export the data as VCD"),
+        (b"RIFF\x1c\x20\x02\0WAVEfmt ", "a logic analyser"),
+        (b":WFMPRE:NR_PT 100000;:WFMPRE:BYT_N 2", "a logic analyser"),
+        (b"AGILENT_BINARY_DATA\nHEADER_BEGIN\n", "value change dump (VCD)"),
+        (b"PK\x03\x04" + bytes(22) + b"\x0c\0\0\0analog-0.bin\xff", "Export raw data"),
+    ],
+)
+def test_captures_of_instruments_are_never_read_as_bytes_of_a_bus(
+    begin: bytes, instead: str
+) -> None:
+    assert instead in refusal(begin + bytes(64))
+
+
+def test_a_session_of_logic_2_is_told_by_its_suffix(tmp_path: Path) -> None:
+    path = tmp_path / "run.sal"
+    path.write_bytes(b"PK\x03\x04" + bytes(60))
+    assert "Export raw data gives CSV or binary" in refusal(path)

@@ -109,13 +109,21 @@ class PcapSource:
             InputError: none of it is a serial line.
             DamagedInputError: it is cut off or makes no sense; what comes before was yielded.
         """
+        packets, is_empty = 0, True
         try:
             for packet in self._reader:
-                yield from self._take(packet)
+                packets += 1
+                for chunk in self._take(packet):
+                    is_empty = False
+                    yield chunk
         except DamagedInputError:
             yield from self._end()
             raise
-        yield from self._end()
+        for chunk in self._end():
+            is_empty = False
+            yield chunk
+        if packets and is_empty:
+            self._notes.append(_without_bytes(packets, is_usb=self.has_usb))
 
     @property
     def has_usb(self) -> bool:
@@ -245,6 +253,13 @@ def _is_read(face: CaptureFace) -> bool:
 
 def _link_in_words(link: int) -> str:
     return _LINKS.get(link, f"link type {link}")
+
+
+def _without_bytes(packets: int, *, is_usb: bool) -> str:
+    told = f"there are none in its {counted(packets, 'packet')}"
+    if is_usb:
+        return f"{told}, which set devices on USB up: capture whole packets, while servos are asked"
+    return told
 
 
 def _refused(link: int) -> str:

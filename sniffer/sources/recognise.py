@@ -65,7 +65,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
     text = head.removeprefix(UTF8_BOM)
     if found := logic_form(text, suffix):
         return found
-    refuse_binary(head)
+    refuse_binary(head, suffix)
     refuse_utf16(head)
     if _is_lss(text):
         return "bin"

@@ -29,12 +29,22 @@ _SIGROK: Final = "write raw bytes with `sigrok-cli -i FILE -P uart:rx=... -B uar
 _CAPTURE: Final = "give the file that your logger wrote"
 _WORDS: Final = "dump it again with `hexdump -C`, `xxd` or `od -tx1`"
 
+_LOGIC_2: Final = "in Logic 2, File > Export raw data gives CSV or binary files that are"
+_LOGIC_1: Final = "in Logic 1, export the data as VCD"
+_DIGITAL: Final = "capture the line with a logic analyser, or a serial adapter"
+_DUMPED: Final = "export it as a value change dump (VCD)"
+
 _MAGICS: Final = (
     (b"\x34\xcd\xb2\xa1", "a modified pcap capture (a1b2cd34)", _PCAPNG),
     (b"\xa1\xb2\xcd\x34", "a modified pcap capture (a1b2cd34)", _PCAPNG),
     (b"\x89PNG\r\n\x1a\n", "a PNG image", _CAPTURE),
     (b"%PDF-", "a PDF document", _CAPTURE),
     (b"\x7fELF", "a program", _CAPTURE),
+    (b"\x7f\x01\x05\x01\x09Data save", "a Saleae capture (.logicdata)", _LOGIC_1),
+    (b"\x16\x00\x00\x00serialization::archive", "a Saleae capture (.logicdata)", _LOGIC_1),
+    (b"AGILENT_BINARY_DATA", "a capture of an Agilent analyser", _DUMPED),
+    (b":WFMPRE:", "a waveform of a Tektronix oscilloscope", _DIGITAL),
+    (b"RIFF", "a RIFF file, such as .wav,", _DIGITAL),
     (b"RRF", "a Rerun recording (.rrd)", "decode the .mcap or the capture it was made from"),
     (
         b"=~=~=~=~=~=~=~=~=~=~=~= PuTTY log",
@@ -56,9 +66,17 @@ _MAGICS: Final = (
     (b"BZh", "a bzip2 file", "unpack it: `bzip2 -dc FILE | sniffer decode -`"),
 )
 
+_IN_SAL: Final = (b"meta.json", b"digital-", b"analog-")  # in any order
+_CHANNELS: Final = (
+    rb"(?i)[\"']?times?\b[^,;]*"
+    rb"(?:[,;] *[\"']?(?:ch|channel|d|di|dio|bit|pin)?[ _]?\d+[^,;]*)+$"
+)
 _SESSION: Final = "save the session: `sigrok-cli -i FILE -o wave.sr`"
-_SOME: Final = rb"(?:.*[^0-9A-Za-z])?(?:0x|\\x)?[0-9A-Fa-f]{2}[ ,:-]{1,2}(?:0x)?[0-9A-Fa-f]{2}\b"
-"""Bytes in hex further on in the line."""
+_SOME: Final = (
+    rb"(?:.*[^0-9A-Za-z])?(?:(?:0x|\\x)?[0-9A-Fa-f]{2}[ ,:-]{1,2}(?:0x)?[0-9A-Fa-f]{2}\b"
+    rb"|[0-9a-f]{8}: [0-9a-f]{4} )"
+)
+"""Bytes in hex further on in the line, or a line of xxd."""
 
 _STAMPED: Final = (
     rb"[\[(P]?(?:\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d\d:\d\d:\d\d(?![:0-9])"
@@ -142,7 +160,18 @@ _LOGS: Final = tuple(
         (rb" *Offset(?:\(h\))? ", _HEADED, _ANEW),
         (rb"\d+ .* IRP_MJ_|#,Date/Time,Function", "a log of a port monitor", _LINES),
         (rb"(?i)[\"']?(?:\w+,)?(?:time|t)\b[^,]*,.*(?:byte|data|result|value)", _TABLE, _LINES),
+        (
+            _CHANNELS,
+            "a table of the channels of an analyser or oscilloscope",
+            f"{_DUMPED}, or with the head `Time [s],NAME` and levels 0 and 1",
+        ),
+        (
+            rb"(?i)x-axis,|x,ch\d|model,|source,ch\d|record length,",
+            "a table of an oscilloscope",
+            _DIGITAL,
+        ),
         (rb"\[ *\d+\.\d+\]" + _SOME, _TIMED, _LINES),
+        (rb"[VDIWE] \(\d+\) [^:]+: " + _SOME, _TIMED, _LINES),
         (rb"(?:Sent|Received|Host|Device|Written|Read)\b.*\W[0-9A-Fa-f]{2}\b", _SPOKEN, _LINES),
         (rb"(?:TX|RX|tx|rx):? (?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
         (rb"\d+\.\d{3,9},(?:0x)?[0-9A-Fa-f]{2}$", _TABLE, _LINES),
@@ -194,15 +223,17 @@ def decimal_or_hex() -> InputError:
     )
 
 
-def refuse_binary(head: bytes) -> None:
-    """Raise InputError where ``head`` begins a container that is no capture of bytes."""
+def refuse_binary(head: bytes, suffix: str = "") -> None:
+    """Raise InputError where ``head`` begins a container that is no capture of bytes.
+
+    ``suffix``: of the file, in lower case, where it has one.
+    """
     for magic, what, instead in _MAGICS:
         if head.startswith(magic):
             raise refused(what, instead)
     if head.startswith(ZIP_MAGIC):
-        if b"meta.json" in head or b"digital-" in head:
-            instead = "in Logic 2, File > Export raw data gives CSV or binary files that are"
-            raise refused("a Saleae capture (.sal)", instead)
+        if suffix == ".sal" or any(name in head for name in _IN_SAL):
+            raise refused("a Saleae capture (.sal)", _LOGIC_2)
         raise refused("a zip archive", "unpack it and decode what is in it")
 
 
