@@ -78,6 +78,13 @@ def chunks_of(source: Path | bytes, wiring: Wiring | None = None) -> list[Chunk]
         return [chunk for group in opened for chunk in group]
 
 
+def microseconds(table: bytes) -> bytes:
+    """Return a table of levels with another unit of time."""
+    rows = [row.split(",", 1) for row in table.decode().splitlines()[1:]]
+    lines = [f"{float(t) * 1e6:.3f},{levels}\n" for t, levels in rows]
+    return "".join(["Time (us),TX,RX\n", *lines]).encode()
+
+
 BOTH: Final = {"TX": ASK * 6, "RX": ANSWER * 6}
 
 FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
@@ -88,6 +95,8 @@ FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
     "vcd": lambda path: vcd(LEVELS, RATE),
     "vcd of us": lambda path: vcd(LEVELS, RATE, scale="1 us"),
     "csv": lambda path: saleae_csv(LEVELS, RATE),
+    "csv with tabs": lambda path: saleae_csv(LEVELS, RATE).replace(b",", b"\t"),
+    "csv in microseconds": lambda path: microseconds(saleae_csv(LEVELS, RATE)),
     "csv of a spreadsheet": lambda path: saleae_csv(LEVELS, RATE).translate(
         bytes.maketrans(b",.", b";,")
     ),
