@@ -103,6 +103,21 @@ FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
 }
 
 
+@pytest.mark.parametrize(
+    ("levels", "says"),
+    [
+        (LEVELS["TX"] ^ np.uint8(1), "B says what A says, upside down: name one of them"),
+        (np.roll(LEVELS["TX"], 1), "B says what A says: name one of them"),  # behind a buffer
+        (LEVELS["RX"], ""),
+    ],
+)
+def test_a_wire_that_is_there_twice_is_told(levels: U8, says: str, tmp_path: Path) -> None:
+    path = sr(tmp_path / "x.sr", {"A": LEVELS["TX"], "B": levels}, RATE)
+    with open_source(path) as opened:
+        assert sum(len(chunk.data) for group in opened for chunk in group) > 0
+        assert [note for note in opened.notes if " says what " in note] == [says] * bool(says)
+
+
 @pytest.mark.parametrize("form", FORMS)
 def test_both_wires_are_read_with_the_times_of_their_edges(form: str, tmp_path: Path) -> None:
     path = tmp_path / "wave"
