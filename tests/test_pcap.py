@@ -168,6 +168,7 @@ def test_other_links_are_refused_with_what_is_read(link: int, says: str) -> None
     message = refusal(pcap([(T0, ASK)], link))
     assert f"a capture of {says} is not read" in message
     assert "tshark -r FILE -T fields -e data" in message
+    assert ("-e usb.capdata" in message) == ("USB" in says)
 
 
 def test_packets_of_other_interfaces_are_left_out_and_said() -> None:

@@ -263,8 +263,9 @@ def _without_bytes(packets: int, *, is_usb: bool) -> str:
 
 
 def _refused(link: int) -> str:
+    usb = " (`-e usb.capdata` of USB)" if "USB" in _link_in_words(link) else ""
     return (
         f"a capture of {_link_in_words(link)} is not read, but of serial lines (link type "
         f"{RTAC_SERIAL}), of {USER_FIRST} to {USER_LAST}, and of USB on Linux: export the payload "
-        "as hex, e.g. `tshark -r FILE -T fields -e data`, and decode that"
+        f"as hex, e.g. `tshark -r FILE -T fields -e data`{usb}, and decode that"
     )
