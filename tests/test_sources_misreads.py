@@ -141,6 +141,10 @@ def test_the_line_that_putty_writes_first_is_no_traffic() -> None:
         ("Offset(h) 00 01 02\n\n00000000  FF A0 00  ...", "dump with `xxd`"),
         ("Sent: FF A0 00 20", "(seconds.fraction)"),
         ("TX: ffa00020", "(seconds.fraction)"),
+        ("tx=ffa00020", "(seconds.fraction)"),
+        ("tx=ff a0 00 20", "(seconds.fraction)"),
+        ("-> ffa00020", "(seconds.fraction)"),
+        ("ffff88812ac9f000 3575914555 S Bo:1:009:2 -115 4 = ffa00020", "dumpcap -i usbmon1"),
         ("[    0.001216] FF A0 00 20", "(seconds.fraction)"),
     ],
 )

@@ -83,7 +83,8 @@ _STAMPED: Final = (
     rb"|\d+\.\d{3,9}(?= *[,;\])]? ))"
 )
 _WAY: Final = (
-    rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)[\]):]* "
+    rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)"
+    rb"(?:[\]):]* |=)"
 )
 _TIMED: Final = "a log whose times are of an unknown kind"
 _TABLE: Final = "a table of times and bytes of another tool"
@@ -173,7 +174,12 @@ _LOGS: Final = tuple(
         (rb"\[ *\d+\.\d+\]" + _SOME, _TIMED, _LINES),
         (rb"[VDIWE] \(\d+\) [^:]+: " + _SOME, _TIMED, _LINES),
         (rb"(?:Sent|Received|Host|Device|Written|Read)\b.*\W[0-9A-Fa-f]{2}\b", _SPOKEN, _LINES),
-        (rb"(?:TX|RX|tx|rx):? (?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
+        (rb"(?:TX|RX|tx|rx|<?-+>?|<+|>+)[:=]? ?(?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
+        (
+            rb"[0-9a-f]{8,16} \d+ [SCE] [BCIZ][io]:\d+:\d+:\d+ ",
+            "usbmon's trace as text, which leaves bytes out,",
+            "capture it: `dumpcap -i usbmon1 -w FILE.pcapng`",
+        ),
         (rb"\d+\.\d{3,9},(?:0x)?[0-9A-Fa-f]{2}$", _TABLE, _LINES),
         (rb'\{"traceEvents"', "a sigrok JSON trace", _SIGROK),
         (_DATE + rb"\.\d+ \| [A-Z] \|", "a port sniffer log", _LINES),
