@@ -162,7 +162,7 @@ def test_the_stored_capture_of_another_program_is_read() -> None:
 
 @pytest.mark.parametrize(
     ("link", "says"),
-    [(ETHERNET, "Ethernet"), (249, "USB of Windows (USBPcap)"), (999, "link type 999")],
+    [(ETHERNET, "Ethernet"), (266, "USB of macOS"), (999, "link type 999")],
 )
 def test_other_links_are_refused_with_what_is_read(link: int, says: str) -> None:
     message = refusal(pcap([(T0, ASK)], link))
