@@ -141,6 +141,41 @@ def urb(
     return t_ns, told[:head] + data
 
 
+def windows_urb(
+    kind: str,
+    endpoint: int,
+    data: bytes,
+    t_ns: int,
+    *,
+    number: int = 1,
+    transfer: int = 3,
+    device: int = 7,
+    bus: int = 1,
+    stage: int | None = None,
+    length: int | None = None,
+) -> tuple[int, bytes]:
+    """Return a packet of Windows' USB with its time: S submitted, C complete.
+
+    Laid out as ``USBPCAP_BUFFER_PACKET_HEADER`` of desowin.org/usbpcap/captureformat.html and, with
+    a stage, ``USBPCAP_BUFFER_CONTROL_HEADER``; always with the low byte first.
+    """
+    size = 27 if stage is None else 28
+    told = struct.pack(
+        "<HQIHBHHBBI",
+        size,
+        number,
+        0,
+        9 if transfer == 3 else 8,
+        int(kind == "C"),
+        bus,
+        device,
+        endpoint,
+        transfer,
+        len(data) if length is None else length,
+    )
+    return t_ns, told + (b"" if stage is None else bytes([stage])) + data
+
+
 class _Heard:
     """A sink that keeps the chunks that sinks are handed."""
 

@@ -162,12 +162,13 @@ def test_the_stored_capture_of_another_program_is_read() -> None:
 
 @pytest.mark.parametrize(
     ("link", "says"),
-    [(ETHERNET, "Ethernet"), (249, "USB of Windows (USBPcap)"), (999, "link type 999")],
+    [(ETHERNET, "Ethernet"), (266, "USB of macOS"), (999, "link type 999")],
 )
 def test_other_links_are_refused_with_what_is_read(link: int, says: str) -> None:
     message = refusal(pcap([(T0, ASK)], link))
     assert f"a capture of {says} is not read" in message
     assert "tshark -r FILE -T fields -e data" in message
+    assert ("-e usb.capdata" in message) == ("USB" in says)
 
 
 def test_packets_of_other_interfaces_are_left_out_and_said() -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
+import random
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+import sniffer
 from sniffer.ground.model import NS, Clock, MarkKind
 from sniffer.protocols import PROTOCOLS
 from sniffer.signals.chunking import Chunker
@@ -22,8 +24,12 @@ from sniffer.signals.rates import (
     snapped,
 )
 from sniffer.signals.stretch import LogicInput, Sampler
-from sniffer.signals.uart import BREAK, FRAMING, PARITY, Receiver
-from tests.waves import Wire, edges_of, sampled, spoken
+from sniffer.signals.uart import BREAK, FRAMING, PARITY, Receiver, UartBytes
+from tests.pcaps import ASK
+from tests.waves import Wire, edges_of, sampled, spoken, sr
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 RATES: Final = frozenset(rate for p in PROTOCOLS.values() for rate in p.bauds)
 
@@ -214,6 +220,28 @@ def test_chunks_state_no_more_than_the_edges_tell(off: float, stops: float, data
     assert abs((first.t_ns or 0) - byte_ns - wire.starts[0] * NS) <= sample_ns + 1
 
 
+def talked(baud: float) -> Wire:
+    """Return what all say, with pauses as long as they happen to be."""
+    wire, chance = Wire(0.001), random.Random(1)
+    for _ in range(6):
+        for said in TALK.values():
+            wire.say(said, baud, after=chance.uniform(0.0003, 0.01))
+    wire.now += 0.001
+    return wire
+
+
+@pytest.mark.parametrize("samples", [3.3, 4.0, 6.1, 8.0, 17.36, 33.3])
+def test_a_grid_of_any_rate_is_found_and_none_where_nobody_sampled(samples: float) -> None:
+    rate = round(115_200 * samples)
+    wire = talked(113_900)
+    at = np.rint(edges_of(sampled(wire, rate)) * (NS / rate)).astype(np.int64)
+    assert grid_in(at, 1, NS / 115_200, 3) == pytest.approx(NS / rate, rel=1e-5)
+    true = np.rint(np.array(wire.toggles) * NS).astype(np.int64)
+    assert grid_in(true, 1, NS / 115_200, 3) == 0
+    coarse = np.rint(np.array(wire.toggles) * 1e6).astype(np.int64)
+    assert grid_in(coarse, 1000, NS / 115_200 / 1000, 3) == 0
+
+
 @pytest.mark.parametrize("rate", [1_000_000, 2_500_000, 6_250_000, 24_000_000, 12_500_000])
 def test_edges_that_lie_on_a_grid_say_how_often_they_were_looked_at(rate: int) -> None:
     talk = b"".join(TALK.values())
@@ -225,6 +253,45 @@ def test_edges_that_lie_on_a_grid_say_how_often_they_were_looked_at(rate: int) -
     own = spoken(talk, 125_000)  # whole microseconds: the wire's, and not those of samples
     assert grid_in(np.rint(np.array(own.toggles) * 1e6).astype(np.int64), 1e3, 8, 3) == 0
     assert grid_in(at[:20], 1, NS / 115200, 3) == 0  # so few may lie there by chance
+
+
+@pytest.mark.parametrize("samples", [3.4, 4.3, 8.0])
+def test_times_of_frames_are_as_unsure_as_a_sample_and_the_senders_clock_together(
+    samples: float, tmp_path: Path
+) -> None:
+    rate = round(57_600 * samples)
+    wire, said, chance = Wire(0.001), [], random.Random(2)
+    for off in (0.019, -0.019) * 40:  # the rate that is measured is that of neither
+        begin = len(wire.starts)
+        end = wire.say(ASK, 57_600 * (1 + off), after=chance.uniform(0.001, 0.002))
+        said.append((wire.starts[begin], end))
+    wire.now += 0.01
+    path = sr(tmp_path / "x.sr", {"D0": sampled(wire, rate)}, rate)
+    frames = [row for row in sniffer.decode(path) if isinstance(row, sniffer.FrameRow)]
+    assert len(frames) == len(said)
+    for frame, (begin_s, end_s) in zip(frames, said, strict=True):
+        assert frame.t_ns is not None
+        assert frame.t_start_ns is not None
+        assert frame.uncertainty_ns is not None
+        assert abs(frame.t_start_ns - begin_s * NS) <= frame.uncertainty_ns + 1
+        assert abs(frame.t_ns - end_s * NS) <= frame.uncertainty_ns + 1
+        assert frame.uncertainty_ns <= NS / rate + 0.02 * 10 * NS / 57_600 + 1
+
+
+def test_a_byte_with_parity_ends_where_it_does_wherever_the_capture_is_cut() -> None:
+    how = told(9600, 96_000, parity="E")
+    wire = Wire(0.01)
+    end = wire.say(b"\x12\x34\x56\x78", 9600, parity="E")
+    wire.now += 0.01
+    got = received(seen(wire, 96_000), how)
+    for cut in range(1, 4):
+        chunker = Chunker(how, LogicInput([], NS / 96_000, 1, iter(())), "bus0")
+        parts = [
+            UartBytes(got.value[part], got.start[part], got.flags[part])
+            for part in (slice(0, cut), slice(cut, None))
+        ]
+        chunks = [k for part in parts for k in chunker.chunks(part)]
+        assert abs((chunks[-1].t_ns or 0) - end * NS) <= NS / 96_000
 
 
 def test_errors_become_marks_of_their_chunks() -> None:

@@ -78,6 +78,13 @@ def chunks_of(source: Path | bytes, wiring: Wiring | None = None) -> list[Chunk]
         return [chunk for group in opened for chunk in group]
 
 
+def microseconds(table: bytes) -> bytes:
+    """Return a table of levels with another unit of time."""
+    rows = [row.split(",", 1) for row in table.decode().splitlines()[1:]]
+    lines = [f"{float(t) * 1e6:.3f},{levels}\n" for t, levels in rows]
+    return "".join(["Time (us),TX,RX\n", *lines]).encode()
+
+
 BOTH: Final = {"TX": ASK * 6, "RX": ANSWER * 6}
 
 FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
@@ -88,10 +95,27 @@ FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
     "vcd": lambda path: vcd(LEVELS, RATE),
     "vcd of us": lambda path: vcd(LEVELS, RATE, scale="1 us"),
     "csv": lambda path: saleae_csv(LEVELS, RATE),
+    "csv with tabs": lambda path: saleae_csv(LEVELS, RATE).replace(b",", b"\t"),
+    "csv in microseconds": lambda path: microseconds(saleae_csv(LEVELS, RATE)),
     "csv of a spreadsheet": lambda path: saleae_csv(LEVELS, RATE).translate(
         bytes.maketrans(b",.", b";,")
     ),
 }
+
+
+@pytest.mark.parametrize(
+    ("levels", "says"),
+    [
+        (LEVELS["TX"] ^ np.uint8(1), "B says what A says, upside down: name one of them"),
+        (np.roll(LEVELS["TX"], 1), "B says what A says: name one of them"),  # behind a buffer
+        (LEVELS["RX"], ""),
+    ],
+)
+def test_a_wire_that_is_there_twice_is_told(levels: U8, says: str, tmp_path: Path) -> None:
+    path = sr(tmp_path / "x.sr", {"A": LEVELS["TX"], "B": levels}, RATE)
+    with open_source(path) as opened:
+        assert sum(len(chunk.data) for group in opened for chunk in group) > 0
+        assert [note for note in opened.notes if " says what " in note] == [says] * bool(says)
 
 
 @pytest.mark.parametrize("form", FORMS)

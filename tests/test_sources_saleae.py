@@ -27,9 +27,10 @@ def test_a_byte_of_a_saleae_table_is_stamped_where_it_ends(name: str) -> None:
     ends = [s.begun_ns + (k + 1) * BYTE_NS for s in TALK for k in range(len(s.data))]
     off = [(c.t_ns or 0) - (t - toollogs.BEGUN_NS) for c, t in zip(got, ends, strict=True)]
     assert max(map(abs, off)) < BYTE_NS // 100
-    saved = log.translate(bytes.maketrans(b",.", b";,"))  # where numbers have a comma
-    assert open_source(saved).format == "saleae"
-    assert chunks(saved) == got
+    for between in (b";,", b"\t,", b"\t."):  # where numbers have a comma; tabs
+        saved = log.translate(bytes.maketrans(b",.", between))
+        assert open_source(saved).format == "saleae"
+        assert chunks(saved) == got
 
 
 def test_a_table_of_logic_1_that_does_not_tell_the_length_of_a_byte_says_so() -> None:

@@ -332,3 +332,33 @@ def test_what_a_log_claims_costs_nothing(
     assert time.process_time() - begun < 1
     assert ran.status in (2, 3)
     assert len([x for x in ran.err.splitlines() if "line " in x]) == 1
+
+
+def at_night(form: str, *times: str) -> bytes:
+    """Return a log with a byte at each time of the night in which summer time ends."""
+    lines = {
+        "socat": "> 2026/10/25 {t}.000250000  length=1 from={n} to={n}\n ff\n",
+        "jpnevulator": "2026-10-25 {t}.250000:\nFF\n",
+        "docklight": "25.10.2026 {t}.250 [TX] - FF\n",
+    }
+    return "".join(lines[form].format(t=t, n=n) for n, t in enumerate(times)).encode()
+
+
+@pytest.mark.parametrize("form", ["socat", "jpnevulator", "docklight"])
+def test_times_go_on_where_summer_time_ends(form: str) -> None:
+    log = at_night(form, "02:59:58", "02:59:59", "02:00:00", "02:00:00", "02:59:59", "03:00:00")
+    begun = chunks(log)[0].t_ns or 0
+    after = [((chunk.t_ns or 0) - begun) // (1000 * MS) for chunk in chunks(log)]
+    assert after == [0, 1, 2, 2, 3601, 3602]
+    assert "goes back an hour at a full hour, as summer time ends" in notes(log)
+
+
+@pytest.mark.parametrize("form", ["socat", "jpnevulator", "docklight"])
+@pytest.mark.parametrize(
+    "times", [("02:50:00", "01:50:00"), ("02:59:59", "01:30:00"), ("02:59:59", "02:30:00")]
+)
+def test_a_clock_that_was_set_back_is_taken_at_its_word(form: str, times: tuple[str, str]) -> None:
+    log = at_night(form, *times)
+    first, second = (chunk.t_ns or 0 for chunk in chunks(log))
+    assert second < first
+    assert "summer time" not in notes(log)

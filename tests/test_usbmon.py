@@ -217,6 +217,16 @@ def test_a_head_that_is_cut_says_nothing() -> None:
     assert len(chunks(pcap(told, USB))) == 80
 
 
+def test_a_capture_that_only_sets_devices_up_is_said_to_have_no_bytes(
+    capsys: Capsys, tmp_path: Path
+) -> None:
+    path = tmp_path / "x.pcap"
+    path.write_bytes(pcap(asked(0x40, 3, 0x34), USB))
+    ran = within(capsys, "decode", path)
+    assert ran.status == 2
+    assert "no bytes to decode: there are none in its 1 packet, which set devices" in ran.complaint
+
+
 @WIRESHARK
 def test_tshark_takes_the_packets_for_what_they_are_meant_to_be(tmp_path: Path) -> None:
     path = tmp_path / "x.pcap"

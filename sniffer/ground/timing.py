@@ -364,11 +364,14 @@ class Stamps(Remembering):
         unsure = np.maximum(self._slack[k], self._slack[j] - (t_first - t_start))
         if self._doubt_ns:
             unsure = unsure + np.maximum(frames.length, behind) * self._doubt_ns
+        # An edge is late by a sample at most, and the sender off the rate either way: they add up.
+        # A stamp is late for other reasons, mostly by more.
+        unsure = np.where(self._exact[k], unsure + doubt, np.maximum(unsure, doubt))
         directions: U8 = self._direction[k]
         return replace(
             frames,
             t_end=t_end,
-            uncertainty=np.where(self._slack[k] < 0, -1, np.maximum(unsure, doubt)),
+            uncertainty=np.where(self._slack[k] < 0, -1, unsure),
             t_start=np.minimum(t_start, t_end),
             direction=directions,
         )

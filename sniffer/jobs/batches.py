@@ -120,4 +120,4 @@ def _tables(
             raise damage
         tell.warn(f"{damage}: read as far as it goes")
     elif not pipeline.summary.buses:
-        raise InputError(nothing_in(opened.name, part))
+        raise InputError(nothing_in(opened.name, part, opened.notes))

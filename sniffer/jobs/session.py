@@ -100,10 +100,12 @@ def reads_on(source: Source, summary: Summary) -> bool:
     return source.format == "mcap" and bool(summary.buses)
 
 
-def nothing_in(name: str, part: Slice | None) -> str:
-    """Return what is said where nothing of an input was decoded."""
+def nothing_in(name: str, part: Slice | None, notes: Sequence[str]) -> str:
+    """Return what is said where nothing of an input was decoded; ``notes``: of its reader."""
     if part is not None and part.seconds is not None:
         return f"nothing was said {part}: {name} has {part.seconds:.3f} s"
+    if notes:
+        return f"{name} has no bytes to decode: {'; '.join(notes)}"
     return f"{name} is empty: nothing to decode"
 
 
@@ -175,7 +177,7 @@ def run_source(
                 ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
                 on_break("reading it was interrupted")
             if not pipeline.summary.buses and ending == Ending.DONE:
-                raise InputError(nothing_in(name, part))
+                raise InputError(nothing_in(name, part, source.notes))
         finally:
             pipeline.finish()
     if patience.asked and ending == Ending.DONE:

@@ -26,6 +26,11 @@ USER_FIRST, USER_LAST = 147, 162
 USB_LINUX, USB_LINUX_MMAPPED = 189, 220
 """Link types of USB as Linux records it (usbmon), with a head of 48 and of 64 bytes."""
 
+USB_WINDOWS: Final = 249
+"""Link type of USB as Windows records it (USBPcap)."""
+
+USB_LINKS: Final = frozenset({USB_LINUX, USB_LINUX_MMAPPED, USB_WINDOWS})
+
 SECTION: Final = 0x0A0D0D0A
 INTERFACE: Final = 1
 PACKET: Final = 2  # obsolete, and still written by old captures

@@ -11,14 +11,13 @@ from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import counted
 from sniffer.pcapfile.layout import (
     RTAC_SERIAL,
-    USB_LINUX,
-    USB_LINUX_MMAPPED,
+    USB_LINKS,
     USER_FIRST,
     USER_LAST,
 )
 from sniffer.pcapfile.reader import PacketReader
 from sniffer.pcapfile.serial import SerialLine, stated_baud
-from sniffer.pcapfile.usbmon import UsbDevices
+from sniffer.pcapfile.usb import UsbDevices
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,7 +47,6 @@ _LINKS: Final = {
     127: "Wi-Fi",
     190: "CAN",
     227: "CAN (SocketCAN)",
-    249: "USB of Windows (USBPcap)",
     266: "USB of macOS",
     276: "any interface of Linux",
 }
@@ -109,13 +107,21 @@ class PcapSource:
             InputError: none of it is a serial line.
             DamagedInputError: it is cut off or makes no sense; what comes before was yielded.
         """
+        packets, is_empty = 0, True
         try:
             for packet in self._reader:
-                yield from self._take(packet)
+                packets += 1
+                for chunk in self._take(packet):
+                    is_empty = False
+                    yield chunk
         except DamagedInputError:
             yield from self._end()
             raise
-        yield from self._end()
+        for chunk in self._end():
+            is_empty = False
+            yield chunk
+        if packets and is_empty:
+            self._notes.append(_without_bytes(packets, is_usb=self.has_usb))
 
     @property
     def has_usb(self) -> bool:
@@ -135,7 +141,7 @@ class PcapSource:
 
     def _take(self, packet: CapturedPacket) -> Iterator[Chunk]:
         link = packet.face.link
-        if link in (USB_LINUX, USB_LINUX_MMAPPED):
+        if link in USB_LINKS:
             for chunk in self._usb.take(packet):
                 yield from self._judged(chunk)
         elif _is_serial(link):
@@ -240,16 +246,24 @@ def _is_serial(link: int) -> bool:
 
 
 def _is_read(face: CaptureFace) -> bool:
-    return _is_serial(face.link) or face.link in (USB_LINUX, USB_LINUX_MMAPPED)
+    return _is_serial(face.link) or face.link in USB_LINKS
 
 
 def _link_in_words(link: int) -> str:
     return _LINKS.get(link, f"link type {link}")
 
 
+def _without_bytes(packets: int, *, is_usb: bool) -> str:
+    told = f"there are none in its {counted(packets, 'packet')}"
+    if is_usb:
+        return f"{told}, which set devices on USB up: capture whole packets, while servos are asked"
+    return told
+
+
 def _refused(link: int) -> str:
+    usb = " (`-e usb.capdata` of USB)" if "USB" in _link_in_words(link) else ""
     return (
         f"a capture of {_link_in_words(link)} is not read, but of serial lines (link type "
-        f"{RTAC_SERIAL}), of {USER_FIRST} to {USER_LAST}, and of USB on Linux: export the payload "
-        "as hex, e.g. `tshark -r FILE -T fields -e data`, and decode that"
+        f"{RTAC_SERIAL}), of {USER_FIRST} to {USER_LAST}, and of USB on Linux and Windows: export "
+        f"the payload as hex, e.g. `tshark -r FILE -T fields -e data`{usb}, and decode that"
     )

@@ -9,6 +9,7 @@ is, or where there is nothing better.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -184,6 +185,10 @@ class Channels:
             if channel.short_pulses:
                 words.append(f"{channel.short_pulses} short pulses left out")
             out.append(", ".join(words))
+        for one, other in itertools.combinations(self._read(), 2):
+            if one.bus != other.bus and one.is_like(other):
+                way = ", upside down" * (self._told(one).invert != self._told(other).invert)
+                out.append(f"{other.name} says what {one.name} says{way}: name one of them")
         out += [
             f"{c.name} is left out: {c.verdict.why}"
             for c in self._heard.values()

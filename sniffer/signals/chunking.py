@@ -56,6 +56,7 @@ class Chunker:
         self._nominal = NS / told.baud / given.tick_ns
         self._tick_ns, self._zero_ns = given.tick_ns, given.zero_ns
         self._bus, self._direction = bus, direction
+        self._last: int | None = None  # when the last byte began, in ticks
 
     def chunks(self, got: UartBytes) -> Sequence[Chunk]:
         """Return the chunks of some bytes, in order."""
@@ -63,13 +64,18 @@ class Chunker:
         if not n:
             return []
         laid = got.start - BYTE_BITS * self._nominal * np.arange(n)
+        # where a capture was cut nothing begins: the byte before may be one of the last call
         begins = np.ones(n, bool)
         begins[1:] = np.diff(got.start) > (self._bits + PAUSE) * self._bit
+        if self._last is not None:
+            begins[0] = got.start[0] - self._last > (self._bits + PAUSE) * self._bit
+        self._last = int(got.start[-1])
         rows = np.arange(n)
         run = np.maximum.accumulate(np.where(begins, rows, 0))
         place = np.rint((laid - laid[run]) / (OFF * self._nominal))
         nth = rows - run
         cut = begins | (nth == 1) | ((nth - 1) % MOST == 0)
+        cut[0] = True
         cut[1:] |= place[1:] != place[:-1]
         first = np.flatnonzero(cut)
         end = np.append(first[1:], n)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import I64, Chunk
     from sniffer.signals.stretch import LogicInput
+
+
+COMPARED: Final = 1 << 10
+"""Edges by which it is told that two channels are one wire ..."""
+
+LIKE_BITS: Final = 0.25
+"""... and how far apart they may be, in bits: behind a buffer edges come later."""
 
 
 class ChannelVerdict(NamedTuple):
@@ -44,6 +51,7 @@ class SignalChannel:
         """Edges that were gathered."""
         self.sample = 0.0
         """Ticks of a sample, 0 where neither the file nor its edges say."""
+        self._first: I64 = np.empty(0, np.int64)
         self._machine: tuple[GlitchFilter, Receiver, Chunker] | None = None
         self._level = 1
         self._is_open_ended = False
@@ -86,6 +94,13 @@ class SignalChannel:
         edges = np.concatenate(self._edges) if self._edges else np.empty(0, np.int64)
         return WireEdges(self._level, edges, self._until)
 
+    def is_like(self, other: SignalChannel) -> bool:
+        """Tell whether another one changes whenever this one does: one wire, or a pair."""
+        told = self.verdict and self.verdict.told
+        if told is None or len(self._first) != len(other._first):
+            return False
+        return bool(np.abs(self._first - other._first).max(initial=0) <= LIKE_BITS * told.bit)
+
     def drop(self) -> None:
         """Read no more of it."""
         self.is_left_out = True
@@ -97,6 +112,7 @@ class SignalChannel:
         """Read it, from what was gathered on; return what is complete."""
         found = self.found()
         self._edges.clear()
+        self._first = found.edges[:COMPARED]
         self._is_open_ended = given.is_open_ended
         self.sample = given.sample or grid_in(found.edges, given.tick_ns, told.bit, SAMPLES_LEAST)
         self._machine = (

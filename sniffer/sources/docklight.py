@@ -21,7 +21,7 @@ from sniffer.sources.blockstamps import StampedLog
 from sniffer.sources.refusals import refused
 from sniffer.sources.sides import oriented
 from sniffer.sources.text import DamagedLine, LineBlock, Opened, quoted, read_log, remarks
-from sniffer.sources.walltime import ZONELESS, WallClock
+from sniffer.sources.walltime import SUMMER_ENDS, ZONELESS, WallClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,7 +78,7 @@ class _Turns(StampedLog):
         super().__init__(bus)
         self._bus = bus
         self._names = names
-        self._clock = WallClock()
+        self._clock = WallClock(local=True)
         self._month_first: bool | None = None
         self.comments = 0
 
@@ -149,6 +149,7 @@ class _Turns(StampedLog):
         yield f"{ZONELESS}; {first}"
         yield from remarks(
             "its dates are read with the month first" if self._month_first else "",
+            SUMMER_ENDS if self._clock.went_back else "",
             f"{self.comments} lines of comments are left out" if self.comments else "",
             cut_off=self.cut_off,
         )

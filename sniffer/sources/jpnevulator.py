@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.patterns import later
 from sniffer.sources.blockstamps import StampedLog
 from sniffer.sources.text import DamagedLine, Opened, quoted, read_log, remarks
-from sniffer.sources.walltime import ZONELESS, WallClock
+from sniffer.sources.walltime import SUMMER_ENDS, ZONELESS, WallClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +44,7 @@ class _Blocks(StampedLog):
     def __init__(self, bus: str) -> None:
         super().__init__(bus)
         self._default = bus
-        self._clock = WallClock()
+        self._clock = WallClock(local=True)
         self._count: dict[str, int] = {}
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
@@ -98,7 +98,7 @@ class _Blocks(StampedLog):
         """Yield what is worth knowing about the log, at its end."""
         first = "only the first byte of a block has a time: no response times follow from them"
         yield f"{ZONELESS}; {first}"
-        yield from remarks(cut_off=self.cut_off)
+        yield from remarks(SUMMER_ENDS if self._clock.went_back else "", cut_off=self.cut_off)
 
 
 def read_jpnevulator(opened: Opened) -> Iterator[Chunk]:

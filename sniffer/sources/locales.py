@@ -1,4 +1,7 @@
-"""Tables that a spreadsheet saved where numbers have a decimal comma: semicolons between cells."""
+"""Tables of Saleae with something else between their cells than commas.
+
+A spreadsheet saves semicolons where numbers have a decimal comma; Logic 1 exports tabs if asked.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ from sniffer.sources.text import LineBlock
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-_HEAD: Final = later(rb'\s*"?(?:Time ?\[s\]|name)"?;')
-_POINTS: Final = bytes.maketrans(b";,", b",.")
+_HEAD: Final = later(rb'\s*"?(?:Time ?[\[(](?:s|ms|us|\xc2\xb5s|ns)[\])]|name)"? ?[;\t]')
+_POINTS: Final = bytes.maketrans(b";\t,", b",,.")
 
 
 def with_points(table: bytes) -> bytes:

@@ -19,6 +19,12 @@ _BITS: Final = later(rb"0[bB][01]{1,8}")
 _SEVERAL: Final = 4
 """So many lines have the same column before it is taken for one."""
 
+_ROWS: Final = 8
+"""So many rows of a dump say the same at one place by no chance."""
+
+_WIDTHS: Final = (9, 17, 33)
+"""Words of a dump's row with another one before its bytes."""
+
 _MANY: Final = 48
 """So many bytes of a servo bus are never written in hex without a letter, nor a leading zero."""
 
@@ -42,7 +48,7 @@ def refuse_misread(lines: list[bytes]) -> None:
         raise refused("a list of bits", "write the bytes in hex")
     if _are_small_decimals(words):
         raise decimal_or_hex()
-    column = _column(rows[:FIRST_LINES])
+    column = _column(rows[:FIRST_LINES]) or _constant(rows)
     if column:
         raise refused(f"hex behind a column of {column}", _ALONE)
 
@@ -99,16 +105,39 @@ def _are_small_decimals(words: list[bytes]) -> bool:
 def _column(rows: list[list[bytes]]) -> str:
     """Return what the first word of each row is, where it is none of the bytes."""
     if len(rows) < _SEVERAL or any(
-        len(row) < 2 or not row[0].isdigit() or any(len(word) != 2 for word in row[1:])
-        for row in rows
+        len(row) < 2 or any(len(word) != 2 for word in row[1:]) for row in rows
     ):
+        return ""
+    if all(_is_number_of(row) for row in rows):
+        return "lengths"
+    if any(not row[0].isdigit() for row in rows):
         return ""
     firsts = [int(row[0]) for row in rows]
     steps = {after - before for before, after in itertools.pairwise(firsts)}
     if steps == {1}:
         return "line numbers"
-    if all(first == len(row) - 1 for first, row in zip(firsts, rows, strict=True)):
-        return "lengths"
     is_growing = min(steps) >= 0 and firsts[0] < firsts[-1]
     digits = min(len(row[0]) for row in rows)
     return "times" if digits >= _SECONDS or (digits > 2 and is_growing) else ""
+
+
+def _is_number_of(row: list[bytes]) -> bool:
+    """Tell whether the first word counts those behind it, in decimal or hex."""
+    first, count = row[0].lstrip(b"0"), len(row) - 1
+    return first in (b"%d" % count, b"%x" % count, b"%X" % count)
+
+
+def _constant(rows: list[list[bytes]]) -> str:
+    """Return what the first word of each row is, where it is the same in all, and no byte is.
+
+    Where a frame stands on each line, more than one place says the same in all of them: header,
+    id, length. Where the rows of a dump do, none does but a column that somebody put before.
+    """
+    full = rows[:-1]  # the last may be shorter
+    if len(full) < _ROWS or len({len(row) for row in full}) > 1 or len(full[0]) not in _WIDTHS:
+        return ""
+    if any(len(word) != 2 for row in full for word in row):
+        return ""
+    alike = [len(set(column)) == 1 for column in zip(*full, strict=True)]
+    told = f"numbers that are all {full[0][0].decode('ascii')}"
+    return told if alike[0] and not any(alike[1:]) else ""

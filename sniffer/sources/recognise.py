@@ -16,6 +16,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
+from sniffer.sources.locales import with_points
 from sniffer.sources.logic_forms import logic_form
 from sniffer.sources.misreads import refuse_decimal_dump, refuse_gutter, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
@@ -62,10 +63,10 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "mcap"
     if _is_pcap(head):
         return "pcap"
-    text = head.removeprefix(UTF8_BOM)
+    text = with_points(head.removeprefix(UTF8_BOM))
     if found := logic_form(text, suffix):
         return found
-    refuse_binary(head)
+    refuse_binary(head, suffix)
     refuse_utf16(head)
     if _is_lss(text):
         return "bin"

@@ -360,7 +360,8 @@ def _table(line: str, number: int, bus: str) -> _Logic1 | _Logic2:
     head = [cell.strip() for cell in cells_of(line)]
     if TABLE_2.match(text) and "data" in head:
         return _Logic2(bus, head)
-    raise DamagedLine(number, f"{quoted(text)} is no head of a table of the Async Serial analyzer")
+    what = f"{quoted(text)} is no head of a table of the Async Serial analyzer"
+    raise DamagedLine(number, f"{what}: export the one of that analyzer, radix Hexadecimal")
 
 
 def is_hexadecimal(lines: Sequence[bytes]) -> bool:

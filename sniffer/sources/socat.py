@@ -30,7 +30,7 @@ from sniffer.sources.text import (
     read_log,
     remarks,
 )
-from sniffer.sources.walltime import ZONELESS, WallClock
+from sniffer.sources.walltime import SUMMER_ENDS, ZONELESS, WallClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +82,7 @@ class _SocatLog(TextLog):
 
     def __init__(self, bus: str) -> None:
         self._bus = bus
-        self._clock = WallClock()
+        self._clock = WallClock(local=True)
         self._stamp = b""  # the last second, and when it began
         self._stamp_ns = 0
         self._micro: bool | None = None  # whether nine digits are microseconds
@@ -231,6 +231,8 @@ class _SocatLog(TextLog):
             told.append(f"{lost}, as from= and to= count them")
         if self.logs > 1:
             told.append(f"{self.logs} logs, one behind the other, are read as one stream")
+        if self._clock.went_back:
+            told.append(SUMMER_ENDS)
         others = left_out(self.talk, "between its blocks", "socat's")
         yield from remarks(*told, others, cut_off=self.cut_off)
 

@@ -14,7 +14,6 @@ from sniffer.sources import (
     socat,
     spy,
 )
-from sniffer.sources.locales import with_points
 from sniffer.sources.refusals import refused
 from sniffer.sources.text import FIRST_LINES
 
@@ -30,7 +29,7 @@ def tool_log(lines: list[bytes]) -> str:
         return "spy"
     if _is_jpnevulator(lines[:FIRST_LINES]):
         return "jpnevulator"
-    table = with_points(b"\n".join(lines[: FIRST_LINES + 1])).split(b"\n")
+    table = lines[: FIRST_LINES + 1]
     if saleae.TABLE_1.match(table[0]) or saleae.TABLE_2.match(table[0]):
         if not saleae.is_hexadecimal(table):
             raise refused("a Saleae table in this radix", saleae.HEXADECIMAL)

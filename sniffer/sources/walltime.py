@@ -16,6 +16,13 @@ ZONELESS: Final = "its times are of a clock whose zone is not said: they are tak
 DATELESS: Final = "its times have no date: they count from the midnight before it began"
 """The note about an input that has times of the day alone."""
 
+SUMMER_ENDS: Final = "its clock goes back an hour at a full hour, as summer time ends: times go on"
+"""The note about an input whose clock does so."""
+
+_HOUR: Final = 3600
+_PAUSE_MOST: Final = 600
+"""Seconds that may pass meanwhile: a clock that goes back by less than the rest was set."""
+
 _DAY_NS: Final = 24 * 3600 * NS
 _NANO: Final = 9  # digits of a fraction that are kept
 
@@ -29,11 +36,23 @@ def zone_ns(zone: str) -> int:
 
 
 class WallClock:
-    """Reads dates and times; lines of one second, as most are, cost one division less."""
+    """Reads dates and times; lines of one second, as most are, cost one division less.
 
-    def __init__(self) -> None:
+    Args:
+        local: the clock may go back, where summer time ends; lines come in order.
+    """
+
+    def __init__(self, *, local: bool = False) -> None:
         self._known = b""
         self._seconds = 0
+        self._local = local
+        self._ahead = 0  # seconds of summer time that are over
+        self._last: int | None = None  # seconds as they were told last
+
+    @property
+    def went_back(self) -> bool:
+        """Whether summer time ended."""
+        return self._ahead > 0
 
     def ns(self, day: bytes, time: bytes, fraction: bytes, line: int) -> int:
         """Return ``2026/11/20`` or ``2026-11-20``, ``22:57:27`` and digits of a fraction in ns.
@@ -52,8 +71,18 @@ class WallClock:
             seconds = calendar.timegm((year, month, date, hour, minute, second))
             if not is_time(seconds * NS):
                 raise DamagedLine(line, f"{quoted(day)} is not between 1969 and 2257")
+            if self._local:
+                seconds = self._going_on(seconds)
             self._known, self._seconds = known, seconds
         return self._seconds * NS + int(fraction[:_NANO].ljust(_NANO, b"0"))
+
+    def _going_on(self, seconds: int) -> int:
+        """Return a time of local clocks as one that does not go back where summer time ends."""
+        last, self._last = self._last, seconds
+        if last is not None and 0 <= seconds + _HOUR - last <= _PAUSE_MOST:
+            # it goes back at a full hour, so one lies between
+            self._ahead += _HOUR * ((seconds + _HOUR) // _HOUR > last // _HOUR)
+        return seconds + self._ahead
 
 
 class DayClock:

@@ -1,30 +1,28 @@
-"""USB as Linux records it: what the controller's own adapter sent and received.
+"""Adapters on USB, as Linux or Windows recorded it: what the controller's own one said and heard.
 
-Source: Documentation/usb/usbmon.rst of Linux (``struct usbmon_packet``). Bytes to the bus are those
-of a bulk transfer when it is submitted, bytes from it those of one that is complete. FTDI's chips
-put two status bytes in front of each USB packet (AN232B-04, 2.2; ``ftdi_process_packet`` of
-Linux); others send bytes alone.
+Bytes to the bus are those of a bulk transfer when it is submitted, bytes from it those of one that
+is complete. FTDI's chips put two status bytes in front of each USB packet (AN232B-04, 2.2;
+``ftdi_process_packet`` of Linux); others send bytes alone.
 """
 
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
-from sniffer.pcapfile.layout import USB_LINUX_MMAPPED
+from sniffer.pcapfile.urbs import BULK, CONTROL, Urbs
 from sniffer.ports.listing import CHIPS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.pcapfile.reader import CapturedPacket
+    from sniffer.pcapfile.urbs import Urb
 
 FTDI: Final = 0x0403
-
-CONTROL, BULK = 2, 3
 
 STATUS: Final = 2
 """Status bytes in front of each packet of an FTDI chip: modem lines and line errors."""
@@ -76,23 +74,6 @@ _EIGHTHS: Final = (0, 4, 2, 1, 3, 5, 6, 7)
 """What the fraction bits of an FTDI divisor mean (AN232B-05)."""
 
 
-class _Urb(NamedTuple):
-    """A USB request as usbmon has it: submitted (``S``) or complete (``C``).
-
-    ``length`` is what was transferred where it has data, else what there would be room for.
-    """
-
-    number: int
-    kind: str
-    transfer: int
-    endpoint: int
-    device: str
-    setup: bytes
-    length: int
-    data: bytes
-    t_ns: int | None
-
-
 class UsbDevice:
     """One device of a capture: what it is, and the chunks of its bulk transfers."""
 
@@ -106,7 +87,7 @@ class UsbDevice:
         self.buses: set[str] = set()
         self._release = 0
         self._packet = 0
-        self._held: list[_Urb] = []
+        self._held: list[Urb] = []
         self._held_size = 0
         self._asked: set[int] = set()
 
@@ -130,7 +111,7 @@ class UsbDevice:
             )
         return f"an adapter without status bytes ({chip or 'not FTDI'}, by its {self.how})"
 
-    def take(self, urb: _Urb) -> Iterator[Chunk]:
+    def take(self, urb: Urb) -> Iterator[Chunk]:
         """Yield the chunks that a request makes known."""
         if urb.transfer == CONTROL:
             self._control(urb)
@@ -162,7 +143,7 @@ class UsbDevice:
         for urb in held:
             yield from self._chunks(urb)
 
-    def _control(self, urb: _Urb) -> None:
+    def _control(self, urb: Urb) -> None:
         if urb.kind == "C" and urb.number in self._asked:
             self._asked.remove(urb.number)
             if len(urb.data) >= 14 and urb.data[1] == 1:  # a device descriptor (USB 2.0, 9.6.1)
@@ -199,7 +180,7 @@ class UsbDevice:
             idle = any(len(data) == STATUS for data in received)
             self.is_ftdi = bool(received) and (idle or len(received) >= LOOK)
 
-    def _chunks(self, urb: _Urb) -> Iterator[Chunk]:
+    def _chunks(self, urb: Urb) -> Iterator[Chunk]:
         data, lost, t_ns = urb.data, max(urb.length - len(urb.data), 0), urb.t_ns
         marks: list[Mark] = []
         if urb.endpoint & 0x80:
@@ -250,6 +231,7 @@ class UsbDevices:
 
     def __init__(self) -> None:
         self.known: dict[str, UsbDevice] = {}
+        self._urbs = Urbs()
 
     def take(self, packet: CapturedPacket) -> Iterator[Chunk]:
         """Yield the chunks that a packet makes known; one that is cut in its head says nothing.
@@ -257,7 +239,7 @@ class UsbDevices:
         Raises:
             DamagedInputError: there are more devices than there can be.
         """
-        urb = _urb(packet)
+        urb = self._urbs.of(packet)
         if urb is not None:
             device = self.known.get(urb.device)
             if device is None:
@@ -270,31 +252,6 @@ class UsbDevices:
         """Yield what waits."""
         for device in self.known.values():
             yield from device.end()
-
-
-def _urb(packet: CapturedPacket) -> _Urb | None:
-    head = 64 if packet.face.link == USB_LINUX_MMAPPED else 48
-    data = packet.data
-    if len(data) < head:
-        return None
-    order = packet.face.order
-    number, kind, transfer, endpoint, device, bus, setup, _ = struct.unpack_from(
-        f"{order}QBBBBHBB", data
-    )
-    (length,) = struct.unpack_from(f"{order}I", data, 32)
-    asked = data[40:48] if setup == 0 and transfer == CONTROL else b""
-    payload = data[head:]
-    return _Urb(
-        number,
-        chr(kind),
-        transfer,
-        endpoint,
-        f"{bus}.{device}",
-        asked,
-        length,
-        payload,
-        packet.t_ns,
-    )
 
 
 def _ftdi_baud(value: int, index: int, release: int) -> int:
