@@ -24,11 +24,23 @@ class Seal(c.Subconstruct):  # type: ignore[misc]  # construct has no types
         field: what holds it: Byte, or Int16ul.
         checksum: one of ``sniffer.ground.checksums``, or an object like them.
         over: names of the fields that it covers.
+        some: it is the last of its packet, covers the field before it, and is only there where that
+            has bytes.
     """
 
-    def __init__(self, field: Any, checksum: Sum, *over: str) -> None:
+    def __init__(self, field: Any, checksum: Sum, *over: str, some: bool = False) -> None:
         super().__init__(field)
-        self.checksum, self.over = checksum, over
+        self.checksum, self.over, self.some = checksum, over, some
+
+    def stands(self, fields: Any) -> bool:
+        """Tell whether it is there, by the fields before it."""
+        return not self.some or any(fields.get(name) for name in self.over)
+
+    def _parse(self, stream: Any, context: Any, path: str) -> Any:
+        return super()._parse(stream, context, path) if self.stands(context) else None
+
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
+        return super()._build(obj, stream, context, path) if self.stands(context) else None
 
 
 class AllBut(c.Construct):  # type: ignore[misc]
@@ -62,14 +74,17 @@ class Packet(c.Struct):  # type: ignore[misc]
         spans = self._spans(fields, len(raw))
         for name, seal in self.seals():
             covered = b"".join(raw[slice(*spans[other])] for other in seal.over)
-            if seal.checksum(covered) != fields[name]:
+            if seal.stands(fields) and seal.checksum(covered) != fields[name]:
                 raise c.ChecksumError(f"{name} does not hold", path=path)
         return fields
 
     def _spans(self, fields: Any, size: int) -> dict[str, tuple[int, int]]:
         """Return where each field stands, by what was read of the one whose size varies."""
         out, at = {}, 0
-        sizes = [_size(sub, fields.get(sub.name)) for sub in self.subcons]
+        absent = {name for name, seal in self.seals() if not seal.stands(fields)}
+        sizes = [
+            0 if sub.name in absent else _size(sub, fields.get(sub.name)) for sub in self.subcons
+        ]
         for sub, length in zip(self.subcons, sizes, strict=True):
             out[sub.name] = (at, at + length)
             at += length
@@ -90,6 +105,8 @@ class Packet(c.Struct):  # type: ignore[misc]
             own[sub.name] = sub._build(value, part, own, path)
             raw[sub.name or str(number)] = part.getvalue()
         for name, seal in seals.items():
+            if not seal.stands(own):
+                continue
             own[name] = seal.checksum(b"".join(raw[other] for other in seal.over))
             raw[name] = seal.subcon.build(own[name])
         for part_of in raw.values():

@@ -14,10 +14,11 @@ from __future__ import annotations
 from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import RELEASES, RESETS, STAGED
 from sniffer.ground.wire import AllBut, Packet, Seal
-from sniffer.protocols.packets.declare import Command, PacketFamily, Stuffing
+from sniffer.protocols.packets.declare import ANY, Command, PacketFamily, Stuffing
 from sniffer.protocols.packets.member import Member
 
 __all__ = [
+    "ANY",
     "IF_ALL",
     "IF_READ",
     "MANY",

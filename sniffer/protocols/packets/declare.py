@@ -44,6 +44,9 @@ address, from bit 16 on."""
 
 CODE_AT, ADDRESS_AT = 40, 16
 
+ANY: Final = -1
+"""Of ``answer``: as many data bytes as what is asked for has. No request says how many."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -54,13 +57,17 @@ class Command:
     for another command), RELEASES (it is that one) and RESETS (the servo goes back to its
     defaults). ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits
     of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
-    ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
-    data and, but for the last, a checksum. ``at``: the address of the registers that its parameters
-    are or, with ``answer``, its answer, where no packet names one; of ``targets`` each servo's
-    bytes are those.
-    ``space`` is added to the addresses that its packets name, where a servo has several spaces that
-    all begin at 0. ``feedback``, with ``answer_code``: the grammar of its own answer behind the
-    code.
+    ``length`` asks for them; ANY, with ``answer_code`` or ``answer_header``: as many as the
+    register has, which the request does not say. ``repeats``, with ``echoes``: its answer is the
+    same packet once more. ``together``: one packet answers for all targets, each with error, id,
+    data and, but for the last, a checksum. ``feedback``, with ``answer_code``: the grammar of its
+    own answer behind the code.
+
+    Where packets name no address, ``at`` is that of the registers that its parameters are or, with
+    ``answer``, its answer; of ``targets`` each servo's bytes are those. Where both are registers,
+    ``at`` is that of the parameters and ``answer_at`` that of the answer. Where packets name one,
+    it is multiplied by ``stride`` (addresses that count registers: bytes of the table from one to
+    the next), and ``space`` is added (several spaces that all begin at 0).
     """
 
     name: str
@@ -72,7 +79,10 @@ class Command:
     answer: int = 0
     together: bool = False
     at: int = -1
+    answer_at: int = -1
+    stride: int = 1
     space: int = 0
+    repeats: bool = False
     feedback: Any = None
 
 
@@ -154,7 +164,8 @@ class PacketFamily:
         """
         object.__setattr__(self, "models", numbered(self.models))
         for command in self.commands.values() if self.echoes else ():
-            if command.answer and parsed(command.params, bytes(command.answer)) is not None:
+            count = max(command.answer, 0)
+            if count and parsed(command.params, bytes(count)) is not None:
                 raise DeclarationError(
                     f"{self.name}: {command.name} may have {command.answer} parameters, as its "
                     "answer has: with echoes=True their count must tell request from answer"

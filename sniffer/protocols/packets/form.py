@@ -14,7 +14,7 @@ from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
-from sniffer.protocols.packets.declare import Command, bare, field_named
+from sniffer.protocols.packets.declare import ANY, Command, bare, field_named
 from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 
@@ -159,6 +159,25 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
             family,
             f"command {command.name}: its reply is one of NEVER, OPTIONAL, IF_ALL, IF_READ, MUST",
         )
+    told = family.asked_by or family.echoes
+    if command.answer_at >= 0 and not (told and command.answer):
+        _refuse(
+            family,
+            f"command {command.name}: answer_at is where the data of its answer stand: say how "
+            "many they are, answer=, and by echoes, answer_code or answer_header what tells it",
+        )
+    if command.answer == ANY and not family.asked_by:
+        _refuse(
+            family,
+            f"command {command.name}: answer=ANY wants answer_code or answer_header, by which an "
+            "answer tells what it answers",
+        )
+    if command.repeats and (not family.echoes or command.answer):
+        _refuse(
+            family,
+            f"command {command.name}: repeats says that its answer is the same packet once more: "
+            "that wants echoes=True, and no answer=",
+        )
     if command.feedback is not None and not family.asked_by:
         _refuse(
             family,
@@ -266,7 +285,7 @@ def shapes_of(family: PacketFamily) -> dict[int, Shape]:
     out = {}
     for code, command in family.commands.items():
         try:
-            out[code] = shape_of(command.params, command.at, command.space)
+            out[code] = shape_of(command.params, command.at, command.stride, command.space)
         except TypeError as error:
             _refuse(family, f"command {command.name}: {error}")
     return out

@@ -41,7 +41,7 @@ class Words:
         tail = np.asarray(self.plan.tail({self._size: sizes})) + 0 * sizes
         self._least = int(np.flatnonzero(tail >= 0)[0])
         # a packet's bytes by its length field
-        self._total: I64 = tail + self.plan.tail_at + self.plan.behind
+        self._total: I64 = self.plan.size_with(tail)
         self._length_at, self._length_width = columns.length_at, columns.length_width
         # a stuffed byte stands behind another one, so twice the bytes hold the fields in any case
         wire = 1 if family.stuffing is None else 2
@@ -86,7 +86,7 @@ class Words:
             if data and row.address < 0:
                 out["data"] = self._plain(raw, data).hex()
             return out
-        params = self._plain(raw, raw[self.plan.tail_at : len(raw) - self.plan.behind])
+        params = self._plain(raw, self.plan.tail_of(raw))
         rest = {self.family.tail: params.hex()} if params else {}
         command = self.family.commands.get(row.op)
         if command is None:
@@ -115,7 +115,7 @@ class Words:
         if row.flags & MALFORMED:
             return {}
         out: dict[str, Any] = {}
-        params = raw[self.plan.tail_at : len(raw) - self.plan.behind]
+        params = self.plan.tail_of(raw)
         grammar = self.family.feedback_of(row.op)
         for leaf in leaves(grammar, params):
             if leaf.path == "error":
@@ -280,6 +280,8 @@ class Words:
     def _broken(self, raw: bytes) -> dict[str, Any]:
         """Return which checksum of a packet does not hold, empty if all do."""
         for seal in self.plan.seals:
+            if not seal.stands_in(raw):
+                continue
             expected, got = seal.checksum(seal.covered(raw)), seal.sent(raw)
             if expected != got:
                 return {"checksum_expected": expected, "checksum_got": got}
