@@ -159,3 +159,13 @@ def test_damage_of_every_form_is_told_alike_in_columns_and_in_words(
     told = [(g.start, g.length, g.detail.get("fields", {})) for g in protocol.explain(run, 0)]
     assert [*zip(got.start, got.end - got.start, strict=True)] == [(s, n) for s, n, _ in told]
     assert [max(int(s), -1) for s in got.servo_id] == [f.get("servo_id", -1) for _, _, f in told]
+
+
+def test_a_header_of_one_byte_that_ends_a_run_is_told_though_the_next_run_begins_with_one() -> None:
+    first, second = b"\x05\x3e", said("some", 0x9C)[:-1] + b"\x3e"
+    protocol, data = FORMS["some"], np.frombuffer(first + second, np.uint8)
+    got = pieces(protocol, data, np.array([0, 2]), np.array([2, 7]))
+    told = protocol.explain(first, 0) + protocol.explain(second, 2)
+    assert [*zip(got.start, got.end - got.start, strict=True)] == [
+        (g.start, g.length) for g in told
+    ]

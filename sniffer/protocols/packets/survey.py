@@ -37,9 +37,10 @@ def survey(
     every = runs.find(heads[0])
     if heads[1]:
         every = np.sort(np.concatenate([every, runs.find(heads[1])]))
-    # an id is never a header's byte: of headers that overlap, the last one is it
+    # an id is never a header's byte: of headers that overlap in one run, the last one is it
+    run = runs.of(every)
     is_last = np.ones(len(every), bool)
-    np.not_equal(every[1:], every[:-1] + 1, out=is_last[:-1])
+    is_last[:-1] = (every[1:] != every[:-1] + 1) | (run[1:] != run[:-1])
     at = every[is_last]
     end = runs.end[runs.of(at)]
     behind = at + size_at + width
