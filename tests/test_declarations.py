@@ -27,7 +27,7 @@ from sniffer.decoding.detect import detect
 from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8
 from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.protocols import PROTOCOLS
-from sniffer.protocols.packets import ANY, MUST, AllBut, Command, Member, Packet, Seal
+from sniffer.protocols.packets import ANY, BY_CODE, MUST, AllBut, Command, Member, Packet, Seal
 from sniffer.protocols.plugins import PluginError, load_file
 from sniffer.sources import open_source
 from tests.streams.members import EXAMPLES, example
@@ -198,6 +198,18 @@ ONLY: Final = Struct("data" / GreedyBytes)
         (
             {"commands": {1: Command("off", EMPTY, MUST, repeats=True)}},
             "command off: repeats says .* the same packet once more: that wants echoes=True",
+        ),
+        (
+            {
+                "packet": Packet(
+                    HEADER,
+                    ID,
+                    CODE,
+                    "params" / Bytes(BY_CODE),
+                    "sum" / Seal(Byte, SUM8, "params"),
+                ),
+            },
+            "command .*: BY_CODE wants one size of it: say parameters without bytes of any number",
         ),
         (
             {"commands": {1: Command("off", EMPTY, MUST, stride=2)}},

@@ -144,6 +144,22 @@ def test_a_packet_that_comes_once_more_is_the_answer_to_itself() -> None:
     assert told("some", said("some", 0xA2, b"\x09") * 2)[0] == ["not_expected"] * 2
 
 
+def test_where_only_the_code_tells_the_length_requests_and_answers_have_their_own() -> None:
+    ask, answer = said("sized", 0x30), said("sized", 0x30, b"\x00\x5a\x00\x5b", back=True)
+    assert (ask.hex(), answer.hex()) == ("fa01302b", "fb0130005a005be1")
+    assert told("sized", ask + answer) == (
+        ["ok"],
+        [(1, "target_angle", 90), (1, "actual_angle", 91)],
+    )
+    explain = FORMS["sized"].explain
+    (gap,) = explain(answer[:-1] + b"\x00", 0)
+    assert (gap.reason, gap.length, gap.detail["checksum_expected"]) == ("damaged", 8, 0xE1)
+    (gap,) = explain(answer[:-2], 0)
+    assert (gap.reason, gap.detail["need"]) == ("truncated", 8)
+    unknown, rest = explain(b"\xfa\x01\x77\x00\x72", 0)
+    assert (unknown.length, unknown.detail, rest.reason) == (3, {"code": 0x77}, "noise")
+
+
 @pytest.mark.parametrize("name", FORMS)
 @given(data=st.data())
 def test_damage_of_every_form_is_told_alike_in_columns_and_in_words(

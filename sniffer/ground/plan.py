@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import construct as c
 import numpy as np
 
-from sniffer.ground.wire import Seal
+from sniffer.ground.wire import ByCode, Seal
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
@@ -125,6 +125,12 @@ class Plan:
         if self.alone == self.behind:
             return tail + (self.tail_at + self.behind)
         return tail + self.tail_at + np.where(tail, self.behind, self.alone)
+
+    def sizes(self, most: int) -> I64:
+        """Return how many bytes packets have, by the field that tells it; -1: none has."""
+        told = np.arange(most + 1 if self.size else 1)
+        tail = np.asarray(self.tail({self.size: told})) + 0 * told
+        return np.where(tail >= 0, self.size_with(tail), -1)
 
     def tail_in(self, size: I64) -> I64:
         """Return how many bytes the variable field has in packets of so many."""
@@ -253,6 +259,8 @@ class _PacketWalk:
             case c.Bytes() if self.tail is None:
                 size = con.length
                 self.tail = size if callable(size) else lambda _: size
+                if isinstance(size, ByCode):
+                    self.checks.append(size.knows)
                 self.tail_at, self.tail_name = self.pos, name
                 self.places[name] = self.pos, 0, False
                 self.pos = 0
@@ -267,8 +275,8 @@ class _PacketWalk:
                 raise TypeError(
                     " ".join(["no plan for", *filter(None, [name]), repr(con)])
                     + ": a packet is Const, fields of Byte or Int16ul, one Bytes(length by this, "
-                    "or a number), and Seal or one Checksum; any other wants a block scanner of "
-                    "its own"
+                    "a number, or BY_CODE), and Seal or one Checksum; any other wants a block "
+                    "scanner of its own"
                 )
 
     def _take(self, name: str, size: int) -> None:

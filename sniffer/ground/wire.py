@@ -1,4 +1,4 @@
-"""Constructs that construct itself has not: checks at any place, all bytes but the last.
+"""What construct has not: checks at any place, sizes by a table, all bytes but the last.
 
 A ``Packet`` is a Struct whose checks are fields like others: a ``Seal`` names the fields it covers,
 and these may stand behind it as well as before. It is judged when all of the packet was read.
@@ -10,9 +10,10 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import construct as c
+import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sniffer.ground.checksums import Sum
 
@@ -41,6 +42,31 @@ class Seal(c.Subconstruct):  # type: ignore[misc]  # construct has no types
 
     def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
         return super()._build(obj, stream, context, path) if self.stands(context) else None
+
+
+class ByCode:
+    """How many bytes a packet's variable field has, where nothing but its ``code`` tells.
+
+    As ``Bytes(BY_CODE)`` in a declaration the family fills in its commands; a code that it does not
+    have makes no packet.
+    """
+
+    def __init__(self, sizes: Mapping[int, int] | None = None) -> None:
+        self._sizes = np.full(256, -1, np.int64)
+        for code, size in (sizes or {}).items():
+            self._sizes[code] = size
+
+    def __call__(self, context: Any) -> Any:
+        """Return it for one code or for a column of them, -1 where there is no such packet."""
+        found = self._sizes[context["code"]]
+        return found if isinstance(found, np.ndarray) else int(found)
+
+    def knows(self, context: Any) -> Any:
+        """Tell which codes make a packet."""
+        return self(context) >= 0
+
+
+BY_CODE = ByCode()
 
 
 class AllBut(c.Construct):  # type: ignore[misc]

@@ -24,6 +24,7 @@ from sniffer.ground.crc import Crc16
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.packets import (
     ANY,
+    BY_CODE,
     IF_READ,
     MUST,
     NEVER,
@@ -81,6 +82,7 @@ NAMES_IT: Final = Struct("address" / Byte, "data" / GreedyBytes)
 BYTE: Final = Struct("goal" / Byte, Terminated)
 ALL: Final = Struct("data" / GreedyBytes)
 ERROR: Final = "error" / FlagsEnum(Byte, hot=1, refused=2)
+STATUS: Final = Struct("status" / Byte, Terminated)
 HEAD: Final = "header" / Const(b"\xfa\xaf")
 
 
@@ -223,7 +225,28 @@ SOME: Final = member(
     silent=(0,),
     most=20,
 )
+# No length at all: only the code tells it, of requests and of answers, which have another header.
+SIZED: Final = member(
+    "sized",
+    Packet(
+        "header" / Const(b"\xfa"),
+        "servo_id" / Byte,
+        "code" / Byte,
+        "params" / Bytes(BY_CODE),
+        "sum" / Seal(Byte, SUM8, "header", "servo_id", "code", "params"),
+    ),
+    {
+        0x30: Command("read_angles", EMPTY, MUST, answer=4, at=0x20),
+        0xF3: Command("enable", BYTE, MUST, at=0x10, feedback=STATUS),
+        0xF6: Command("move", Struct("goal" / Byte, "time" / Byte), MUST, at=0x10, feedback=STATUS),
+        0xF7: Command("stop", EMPTY, NEVER),
+    },
+    ALL,
+    answer_header=b"\xfb",
+    silent=(0,),
+)
 FORMS: Final[dict[str, Any]] = {
+    "sized": SIZED,
     "some": SOME,
     "ubtech": UBTECH,
     "behind": BEHIND,
@@ -241,6 +264,17 @@ def said(name: str, code: int, params: bytes = b"", who: int = 1, *, back: bool 
 
 
 TALK: Final[dict[str, list[bytes]]] = {
+    "sized": [
+        said("sized", 0x30) + said("sized", 0x30, b"\x00\x5a\x00\x5b", back=True),
+        said("sized", 0x30) + said("sized", 0x30, b"\x00\x5a\xfa\x01", back=True),
+        said("sized", 0x30) * 2 + said("sized", 0x30, b"\xfb\x01\x30\x00", back=True),
+        said("sized", 0xF3, b"\x01") + said("sized", 0xF3, b"\x01", back=True),
+        said("sized", 0xF6, b"\xfa\x02") + said("sized", 0xF6, b"\x00", back=True),
+        said("sized", 0xF6, b"\x01\x02", 2) + said("sized", 0xF3, b"\x01", 2, back=True),
+        said("sized", 0xF7, who=0),
+        b"\xfa\x01\x77\x00\x72",
+        b"\xfb\x01\xf7\x00\xf3",
+    ],
     "ubtech": [
         said("ubtech", 1, b"\x78\x64\x00\x00", 5),
         said("ubtech", 1, b"\x78\x64\x00\x01", 0),

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import RELEASES, RESETS, STAGED
-from sniffer.ground.wire import AllBut, Packet, Seal
+from sniffer.ground.wire import BY_CODE, AllBut, Packet, Seal
 from sniffer.protocols.packets.declare import ANY, Command, PacketFamily, Stuffing
 from sniffer.protocols.packets.member import Member
 
 __all__ = [
     "ANY",
+    "BY_CODE",
     "IF_ALL",
     "IF_READ",
     "MANY",

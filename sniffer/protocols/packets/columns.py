@@ -7,7 +7,6 @@ all rows; what is rare is then worked out for those rows only that have its bit.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -48,12 +47,12 @@ class FamilyColumns:
         check_form(family)
         self.plan = plan = planned(family)
         self.id_at, self.code_at = plan.at.get("servo_id", -1), plan.at["code"]
-        most = dict.fromkeys(plan.at, family.most)
-        self.longest = int(plan.size_with(plan.tail(most)))
+        self.back = planned(family, answers=True) if family.answer_header else None
+        self.sizes = plan.sizes(family.most)
+        self.sizes_back = self.sizes if self.back is None else self.back.sizes(family.most)
+        self.longest = int(max(self.sizes.max(), self.sizes_back.max()))
         self.reach = max(self.longest, family.reach)
         self.told = told_of(family)
-        own = family.answer_header
-        self.back = replace(plan, header=own) if own else None
         self.shapes = shapes_of(family)
         self.width = self._one_place("address", 0)[1]
         self.length_at, self.length_width = self._one_place("length", self.width)

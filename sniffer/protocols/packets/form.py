@@ -101,14 +101,15 @@ def _check_packet(family: PacketFamily) -> None:
         _refuse(family, "packet names a servo_id: leave out sole_id")
 
 
-def planned(family: PacketFamily) -> Plan:
-    """Return the plan of the packets.
+def planned(family: PacketFamily, *, answers: bool = False) -> Plan:
+    """Return the plan of the packets, or of answers that have a header of their own.
 
     Raises:
         DeclarationError: there is none, it has no header, or a check cannot be where it is.
     """
+    packet = family.answering if answers else family.packet
     try:
-        plan = plan_of(family.packet)
+        plan = plan_of(packet)
     except TypeError as error:
         _refuse(family, f"packet: {error}")
     if not plan.header:
@@ -119,7 +120,7 @@ def planned(family: PacketFamily) -> Plan:
             f"most={family.most} is the greatest {plan.size}, and the packet takes more: write "
             f"Check(this.{plan.size} <= {family.most}) behind it, or another most",
         )
-    if family.answer_header:
+    if family.answer_header and not answers:
         first = bare(bare(family.packet).subcons[0])
         if not isinstance(first, c.Const) or first.value != plan.header:
             _refuse(
