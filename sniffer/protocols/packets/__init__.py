@@ -1,6 +1,6 @@
 """The packet family: protocols of one packet form, each a declaration and nothing else.
 
-Header, id, length, code, parameters, checksum: mightyZAP, Dynamixel, Feetech. From a
+Header, id, length, code, parameters, checksum: mightyZAP, Dynamixel, LK-TECH. From a
 ``PacketFamily`` come framing and description in columns, values, words, and the oracle.
 
     Packet  ->  plan (ground)       framing in columns
