@@ -27,7 +27,7 @@ from sniffer.decoding.detect import detect
 from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8
 from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.protocols import PROTOCOLS
-from sniffer.protocols.packets import MUST, AllBut, Command, Member, Packet, Seal
+from sniffer.protocols.packets import ANY, BY_CODE, MUST, AllBut, Command, Member, Packet, Seal
 from sniffer.protocols.plugins import PluginError, load_file
 from sniffer.sources import open_source
 from tests.streams.members import EXAMPLES, example
@@ -124,7 +124,7 @@ ONLY: Final = Struct("data" / GreedyBytes)
         ),
         (
             {"commands": {1: Command("ping", EMPTY, MUST, space=256)}},
-            "command ping: no packet of it names an address that `space`",
+            "command ping: no packet of it names an address that `space` or `stride` could",
         ),
         (
             {"commands": {1: Command("get", GET, MUST, feedback=ONLY)}},
@@ -187,6 +187,42 @@ ONLY: Final = Struct("data" / GreedyBytes)
         ({"answer_header": b"\xff"}, "answer_header is another header of 2 bytes"),
         ({"answer_header": b"\xff\xff", "packet": sealed()}, "answer_header is another header"),
         ({"answer_code": lambda code: None}, "answer_code gives no command a code"),
+        (
+            {"commands": {1: Command("get", EMPTY, MUST, answer=ANY, at=3)}},
+            "command get: answer=ANY wants answer_code or answer_header",
+        ),
+        (
+            {"commands": {1: Command("move", PUT, MUST, answer_at=3)}},
+            "command move: answer_at is where .*: say how many they are, answer=",
+        ),
+        (
+            {"commands": {1: Command("off", EMPTY, MUST, repeats=True)}},
+            "command off: repeats says .* the same packet once more: that wants echoes=True",
+        ),
+        (
+            {
+                "packet": Packet(
+                    HEADER,
+                    ID,
+                    CODE,
+                    "params" / Bytes(BY_CODE),
+                    "sum" / Seal(Byte, SUM8, "params"),
+                ),
+            },
+            "command .*: BY_CODE wants one size of it: say parameters without bytes of any number",
+        ),
+        (
+            {"commands": {1: Command("off", EMPTY, MUST, stride=2)}},
+            "command off: no packet of it names an address that `space` or `stride` could move",
+        ),
+        (
+            {
+                "packet": Packet(
+                    HEADER, ID, LENGTH, CODE, "sum" / Seal(Byte, SUM8, "code", some=True), REST
+                )
+            },
+            "sum is not always there: then it is the last of the packet, and covers params",
+        ),
         (
             {
                 "answer_code": lambda code: code ^ 0x40,
@@ -251,7 +287,7 @@ def test_what_the_docs_show_of_the_examples_stands_in_them() -> None:
 @pytest.fixture
 def everyone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have all examples looked for beside what is built in."""
-    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex")
+    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex", "lktech")
     them = [*PROTOCOLS.values(), *(example(name).PROTOCOL for name in names)]
     monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: them)
 

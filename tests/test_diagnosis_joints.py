@@ -50,6 +50,15 @@ def test_a_joint_without_measured_load_only_does_not_follow() -> None:
     assert incident.causes[0].confidence < 0.8
 
 
+def test_a_joint_whose_effort_was_read_only_before_is_told_without_a_number_for_it() -> None:
+    once = [(0.001 * k, "#5QC" if k % 2 == 0 else "*5QC40") for k in range(20)]
+    d = lss(*sorted([*polled(lambda t: -50.0, swings), *once]))
+    told = finding(d, "joint-not-following")
+    assert told is not None
+    assert told.what.endswith("deg")
+    assert "nan" not in told.what
+
+
 def test_a_joint_in_the_middle_of_its_goals_hangs_limp_all_the_same() -> None:
     d = lss(*polled(lambda t: 0.0, swings, milliampere=lambda t: 40))
     assert "joint-limp" in codes(d)

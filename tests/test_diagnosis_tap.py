@@ -125,6 +125,19 @@ def test_a_tap_on_the_servos_wire_is_one_note(protocol: str) -> None:
     assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_controller_that_breaks_requests_off_is_no_tap_that_loses_bytes(protocol: str) -> None:
+    def breaks_off(talk: Conversation, cycle: int) -> None:
+        if cycle % 40 == 20:
+            talk.say(talk.tongue.ask(2)[:-1], Direction.TX)
+            talk.rest(600)
+
+    talk = robot(protocol, 6, before=breaks_off)
+    told = talk.diagnosed(one_wire(talk))
+    assert not codes(told) & {"requests-torn-short", "headless-frames", "answered-though-torn"}
+    assert "tap-loss" not in alarms(told)
+
+
 def test_a_controller_that_waits_in_vain_hears_no_answer_either() -> None:
     def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
         talk.ask_in_vain(servo, 25)

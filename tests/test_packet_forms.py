@@ -7,262 +7,23 @@ from __future__ import annotations
 
 import itertools
 import json
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pytest
-from construct import (
-    Byte,
-    Bytes,
-    Check,
-    Const,
-    FlagsEnum,
-    GreedyBytes,
-    GreedyRange,
-    Int16ub,
-    Int16ul,
-    Struct,
-    Terminated,
-    this,
-)
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
-from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8, XOR8
 from sniffer.ground.codes import OUTCOMES
-from sniffer.ground.crc import Crc16
 from sniffer.ground.model import Chunk
-from sniffer.ground.registers import RegisterMap
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.explaining import pieces
-from sniffer.protocols.packets import (
-    IF_READ,
-    MUST,
-    NEVER,
-    AllBut,
-    Command,
-    Member,
-    Packet,
-    PacketFamily,
-    Seal,
-)
 from tests.records import batches, gaps, records
 from tests.streams import chunked, damaged
-
-MODEL: Final = """
-model = "{name}"
-protocol = "{name}"
-title = "Made up"
-source = "none"
-
-[[register]]
-name = "goal"
-address = 0x10
-type = "u8"
-source = "none"
-
-[[register]]
-name = "time"
-address = 0x11
-type = "u8"
-source = "none"
-
-[[register]]
-name = "target_angle"
-address = 0x20
-type = "u16be"
-source = "none"
-
-[[register]]
-name = "actual_angle"
-address = 0x22
-type = "u16be"
-source = "none"
-
-[[register]]
-name = "far"
-address = 0x110
-type = "u8"
-source = "none"
-"""
-
-EMPTY: Final = Struct(Terminated)
-READ: Final = Struct("address" / Byte, "length" / Byte, Terminated)
-WRITE: Final = Struct("address" / Byte, "data" / GreedyBytes, Check(this.data))
-COUNTED: Final = Struct("address" / Byte, "length" / Byte, "data" / Bytes(this.length), Terminated)
-ERROR: Final = "error" / FlagsEnum(Byte, hot=1, refused=2)
-HEAD: Final = "header" / Const(b"\xfa\xaf")
-
-
-def member(name: str, packet: Any, commands: dict[int, Command], feedback: Any, **more: Any) -> Any:
-    model = RegisterMap.from_text(MODEL.format(name=name), f"{name}.toml")
-    return Member(
-        PacketFamily(
-            **{
-                "name": name,
-                "title": name,
-                "bauds": (115200,),
-                "baud": 115200,
-                "packet": packet,
-                "commands": commands,
-                "feedback": feedback,
-                "models": (model,),
-                "window_ns": 5_000_000,
-                **more,
-            }
-        )
-    )
-
-
-# UBTech: FA AF | id | command | four bytes | sum | ED, without a length. An angle is read with 02,
-# and AA answers; 01 moves and is acknowledged by a bare byte that no header tells, left as noise.
-UBTECH: Final = member(
-    "ubtech",
-    Packet(
-        HEAD,
-        "servo_id" / Byte,
-        "code" / Byte,
-        "params" / Bytes(4),
-        "checksum" / Seal(Byte, SUM8, "servo_id", "code", "params"),
-        Const(b"\xed"),
-    ),
-    {
-        0x01: Command(
-            "move",
-            Struct("angle" / Byte, "time" / Byte, "lock" / Int16ub, Terminated),
-            NEVER,
-            at=0x10,
-        ),
-        0x02: Command("read", Struct(Const(bytes(4)), Terminated), MUST, answer=4, at=0x20),
-    },
-    Struct("data" / GreedyBytes),
-    answer_code={0x01: None, 0x02: 0xAA}.get,
-    silent=(0,),
-)
-# An error behind the data, a checksum at the front that covers what stands behind it, no id.
-BEHIND: Final = member(
-    "behind",
-    Packet(
-        HEAD,
-        "sum" / Seal(Int16ul, Crc16(0x8005), "length", "code", "params"),
-        "length" / Byte,
-        Check(this.length <= 40),
-        "code" / Byte,
-        "params" / Bytes(this.length),
-        "spare" / Byte,
-    ),
-    {2: Command("read", READ, IF_READ, space=0x100), 3: Command("write", COUNTED, MUST)},
-    Struct("code" / Const(b"\x80"), "detail" / Byte, "data" / AllBut(1), ERROR),
-    sole_id=7,
-    refusals=2,
-    most=40,
-)
-# Answers by a bit of the code, a sum over parts that stand apart, and targets without an address.
-APART: Final = member(
-    "apart",
-    Packet(
-        HEAD,
-        "servo_id" / Byte,
-        "length" / Byte,
-        Check(this.length <= 20),
-        "code" / Byte,
-        "sum" / Seal(Byte, COMPLEMENT_SUM, "servo_id", "code", "params"),
-        "params" / Bytes(this.length * 2),
-        "xor" / Seal(Byte, XOR8, "header", "servo_id", "length", "code", "sum", "params"),
-    ),
-    {
-        0x82: Command("read", READ, IF_READ, feedback=Struct(ERROR, "data" / GreedyBytes)),
-        0x83: Command("write", WRITE, MUST),
-        0x84: Command("move", Struct("targets" / GreedyRange(
-            Struct("goal" / Byte, "servo_id" / Byte))), MUST, at=0x10),
-        0x85: Command("ping", EMPTY, MUST),
-    },
-    Struct(ERROR, "note" / Int16ul, "spare" / Byte, Terminated),
-    answer_code=lambda code: code & 0x7F,
-    silent=(0,),
-    most=20,
-)  # fmt: skip
-# Answers with a header of their own, and the code of their request; the id behind the length.
-HEADS: Final = member(
-    "heads",
-    Packet(
-        HEAD,
-        "code" / Byte,
-        "length" / Byte * "id and parameters",
-        Check((this.length >= 1) & (this.length <= 30)),
-        "servo_id" / Byte,
-        "params" / Bytes(this.length - 1),
-        "checksum" / Seal(Byte, SUM8, "header", "code", "length", "servo_id", "params"),
-    ),
-    {
-        1: Command("ping", EMPTY, MUST),
-        2: Command("read", READ, MUST, feedback=Struct("data" / GreedyBytes)),
-        3: Command("write", WRITE, MUST),
-    },
-    Struct(ERROR, Terminated),
-    answer_header=b"\x05\x1c",
-    silent=(255,),
-    most=30,
-)
-FORMS: Final[dict[str, Any]] = {
-    "ubtech": UBTECH,
-    "behind": BEHIND,
-    "apart": APART,
-    "heads": HEADS,
-}
-
-
-def said(name: str, code: int, params: bytes = b"", who: int = 1, *, back: bool = False) -> bytes:
-    """Build a packet with the grammar."""
-    length = {"apart": len(params) // 2, "heads": len(params) + 1}.get(name, len(params))
-    body = {"servo_id": who, "length": length, "code": code, "params": params, "spare": 9}
-    family = FORMS[name].family
-    return bytes((family.answering if back else family.packet).build(body))
-
-
-TALK: Final[dict[str, list[bytes]]] = {
-    "ubtech": [
-        said("ubtech", 1, b"\x78\x64\x00\x00", 5),
-        said("ubtech", 1, b"\x78\x64\x00\x01", 0),
-        b"\xaf",
-        said("ubtech", 2, bytes(4), 3) + said("ubtech", 0xAA, b"\x00\x5a\x00\x5b", 3),
-        said("ubtech", 2, b"\x00\x00\x00\x01", 3),
-        said("ubtech", 9, bytes(4), 3),
-        said("ubtech", 1, b"\xfa\xaf\xed\xfa", 3),
-    ],
-    "behind": [
-        said("behind", 2, b"\x10\x01") + said("behind", 0x80, b"\x05\x2a\x00"),
-        said("behind", 2, b"\x10\x01") + said("behind", 0x80, b"\x05\x01"),
-        said("behind", 3, b"\x10\x02\x07\x08") + said("behind", 0x80, b"\x05\x00"),
-        said("behind", 3, b"\x10\x02\x07\x08") + said("behind", 0x80, b"\x05\x02"),
-        said("behind", 3, b"\x10\x03\x07\x08"),
-        said("behind", 0x80, b"\x05"),
-        said("behind", 3, b"\x10\x02\xfa\xaf") + said("behind", 0x80, b"\x00" * 38),
-    ],
-    "apart": [
-        said("apart", 0x82, b"\x10\x01") + said("apart", 0x02, b"\x00\x2a"),
-        said("apart", 0x82, b"\x10\x03") + said("apart", 0x02, b"\x01\x2a\x2b\x2c"),
-        said("apart", 0x83, b"\x10\x07") + said("apart", 0x03, b"\x00\x01\x02\x03"),
-        said("apart", 0x84, b"\x07\x01\x08\x02", 0),
-        said("apart", 0x84, b"\x07\x01") + said("apart", 0x04, b"\x02\x01\x02\x03"),
-        said("apart", 0x85) + said("apart", 0x05, b"\x00\x01\x02\x03"),
-        said("apart", 0x85) + said("apart", 0x05, b"\x00\x01"),
-        said("apart", 0x83, b"\x10\x07\x08\x09", 2) + said("apart", 0x02, b""),
-    ],
-    "heads": [
-        said("heads", 2, b"\x10\x02") + said("heads", 2, b"\x07\x09", back=True),
-        said("heads", 2, b"\x10\x02", 255) + said("heads", 2, b"\x07\x09", back=True),
-        said("heads", 3, b"\x10\x05\x1c") + said("heads", 3, b"\x02", back=True),
-        said("heads", 3, b"\x10\xfa\xaf") + said("heads", 3, b"\x00", back=True),
-        said("heads", 3, b"\x10\x08") + said("heads", 3, b"", back=True),
-        said("heads", 1) + said("heads", 1, b"\x00", back=True),
-        said("heads", 1, b"\x01") + said("heads", 9, b"\x00", back=True),
-        said("heads", 9, b"\x01") + b"\x05\x1c\x05",
-    ],
-}
+from tests.streams.forms import FORMS, TALK, said
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -313,7 +74,7 @@ def test_a_packet_without_a_length_is_as_long_as_all_others() -> None:
         ["not_expected", "ok"],
         [(5, "goal", 120), (5, "time", 100), (3, "target_angle", 90), (3, "actual_angle", 90)],
     )
-    (gap,) = UBTECH.explain(ask[:-1] + b"\xee", 0)
+    (gap,) = FORMS["ubtech"].explain(ask[:-1] + b"\xee", 0)
     assert (gap.reason, gap.length) == ("damaged", 10)
 
 
@@ -337,8 +98,66 @@ def test_a_header_of_their_own_tells_answers_and_torn_ones_are_told_by_it() -> N
     ask, answer = said("heads", 2, b"\x10\x02"), said("heads", 2, b"\x07\x09", back=True)
     outcomes, values = told("heads", ask + answer)
     assert (outcomes, values) == (["ok"], [(1, "goal", 7), (1, "time", 9)])
-    (gap,) = HEADS.explain(answer[:-1] + b"\x00", 0)
+    (gap,) = FORMS["heads"].explain(answer[:-1] + b"\x00", 0)
     assert (gap.reason, gap.length, gap.detail["fields"]["op"]) == ("damaged", len(answer), "read")
+
+
+def test_a_read_may_leave_it_to_the_table_how_many_bytes_answer() -> None:
+    # the addresses of these packets count registers: 1 is the table's 0x10, 2 its 0x20
+    one = said("heads", 4, b"\x01") + said("heads", 4, b"\x01\x2a", back=True)
+    two = said("heads", 4, b"\x02") + said("heads", 4, b"\x02\x00\x5a", back=True)
+    assert told("heads", one + two) == (["ok", "ok"], [(1, "goal", 42), (1, "target_angle", 90)])
+    other = said("heads", 4, b"\x02") + said("heads", 4, b"\x01\x2a", back=True)
+    assert told("heads", other)[0] == ["mismatched"]
+
+
+def test_a_move_may_be_answered_by_what_stands_elsewhere_in_the_table() -> None:
+    for name, back in (("heads", True), ("some", False)):
+        code = {"heads": 6, "some": 0xA1}[name]
+        answer = said(name, code, b"\x00\x5a\x00\x5b", back=back)
+        assert told(name, said(name, code, b"\x07") + answer) == (
+            ["ok"],
+            [(1, "goal", 7), (1, "target_angle", 90), (1, "actual_angle", 91)],
+        )
+
+
+def test_a_check_of_the_data_is_not_there_where_there_are_none() -> None:
+    ask, answer = said("some", 0x9C), said("some", 0x9C, b"\x00\x5a\x00\x5b")
+    assert (ask, len(answer)) == (bytes.fromhex("3E9C0100DB"), 10)
+    assert told("some", ask + answer)[0] == ["ok"]
+    (gap,) = FORMS["some"].explain(ask[:-1] + b"\xdc", 0)
+    assert (gap.length, gap.detail["checksum_expected"], gap.detail["checksum_got"]) == (
+        5,
+        219,
+        220,
+    )
+    (gap,) = FORMS["some"].explain(answer[:-1] + b"\xdc", 0)
+    assert (gap.length, gap.detail["checksum_expected"]) == (10, 0xB5)
+    assert len(heard("some", answer[:-1])[0].frames) == 0
+
+
+def test_a_packet_that_comes_once_more_is_the_answer_to_itself() -> None:
+    off, other = said("some", 0x80), said("some", 0x80, who=2)
+    assert told("some", off + off)[0] == ["ok"]
+    assert told("some", off + off + off + off)[0] == ["ok", "ok"]
+    assert told("some", off + other + other)[0] == ["no_response", "ok"]
+    assert told("some", said("some", 0xA2, b"\x09") * 2)[0] == ["not_expected"] * 2
+
+
+def test_where_only_the_code_tells_the_length_requests_and_answers_have_their_own() -> None:
+    ask, answer = said("sized", 0x30), said("sized", 0x30, b"\x00\x5a\x00\x5b", back=True)
+    assert (ask.hex(), answer.hex()) == ("fa01302b", "fb0130005a005be1")
+    assert told("sized", ask + answer) == (
+        ["ok"],
+        [(1, "target_angle", 90), (1, "actual_angle", 91)],
+    )
+    explain = FORMS["sized"].explain
+    (gap,) = explain(answer[:-1] + b"\x00", 0)
+    assert (gap.reason, gap.length, gap.detail["checksum_expected"]) == ("damaged", 8, 0xE1)
+    (gap,) = explain(answer[:-2], 0)
+    assert (gap.reason, gap.detail["need"]) == ("truncated", 8)
+    unknown, rest = explain(b"\xfa\x01\x77\x00\x72", 0)
+    assert (unknown.length, unknown.detail, rest.reason) == (3, {"code": 0x77}, "noise")
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -356,3 +175,13 @@ def test_damage_of_every_form_is_told_alike_in_columns_and_in_words(
     told = [(g.start, g.length, g.detail.get("fields", {})) for g in protocol.explain(run, 0)]
     assert [*zip(got.start, got.end - got.start, strict=True)] == [(s, n) for s, n, _ in told]
     assert [max(int(s), -1) for s in got.servo_id] == [f.get("servo_id", -1) for _, _, f in told]
+
+
+def test_a_header_of_one_byte_that_ends_a_run_is_told_though_the_next_run_begins_with_one() -> None:
+    first, second = b"\x05\x3e", said("some", 0x9C)[:-1] + b"\x3e"
+    protocol, data = FORMS["some"], np.frombuffer(first + second, np.uint8)
+    got = pieces(protocol, data, np.array([0, 2]), np.array([2, 7]))
+    told = protocol.explain(first, 0) + protocol.explain(second, 2)
+    assert [*zip(got.start, got.end - got.start, strict=True)] == [
+        (g.start, g.length) for g in told
+    ]

@@ -13,6 +13,7 @@ from sniffer.decoding import echo, torn
 from sniffer.ground.framing import greedy, in_order, settle
 from sniffer.protocols.lss import block as lss
 from sniffer.protocols.lss import parsing
+from sniffer.protocols.packets.direction import in_turn
 from sniffer.protocols.wck import block as wck
 from sniffer.protocols.wck import controller
 from tests.examples import agree, check, held, shown, tables
@@ -89,6 +90,11 @@ def test_a_candidate_in_a_row_that_is_kept_waits_for_nothing() -> None:
 def test_answers_in_a_row_are_of_the_last_requests_before_them() -> None:
     is_answer = np.array([c == "A" for c in tables(in_order)["kind"][0]])
     check(in_order, lambda: in_order(is_answer), "before", "behind", "asked")
+
+
+def test_rows_that_are_in_turn_a_request_and_its_answer() -> None:
+    base, flips = (number_row(in_turn, label).astype(bool) for label in ("base", "flips"))
+    check(in_turn, lambda: in_turn(base, flips), "last", "out")
 
 
 def test_marks_and_carriage_returns_tell_all_lines() -> None:

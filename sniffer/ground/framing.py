@@ -143,7 +143,7 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     ok = np.asarray(start + plan.prefix <= limit)
     for check in plan.checks:
         ok = ok & check(columns)
-    end = start + plan.tail(columns) + (plan.tail_at + plan.behind)
+    end = start + plan.size_with(plan.tail(columns))
     whole = ok & (end <= limit)
     waiting = start[ok & (end > limit) & block.open(limit)]
     start, end = start[whole], end[whole]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import construct as c
 import numpy as np
 
-from sniffer.ground.wire import Seal
+from sniffer.ground.wire import ByCode, Seal
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
@@ -45,6 +45,7 @@ class Sealed:
     checksum: Any  # a Sum; one with ``over`` where it stands not right behind one stretch
     at: Stretch
     over: tuple[Stretch, ...]
+    some: bool = False  # not there where it covers nothing
 
     @property
     def is_behind(self) -> bool:
@@ -55,6 +56,11 @@ class Sealed:
         """Tell for which packets it holds."""
         at = self.at[0].of(start, end)
         spans = [(first.of(start, end), last.of(start, end)) for first, last in self.over]
+        if self.some:  # a packet that ends where the covered field begins has it not
+            there = np.flatnonzero(at > spans[0][0])
+            out = np.ones(len(start), bool)
+            out[there] = self.checksum.good(data, spans[0][0][there], at[there])
+            return out
         if self.is_behind:
             return np.asarray(self.checksum.good(data, spans[0][0], at))
         want = self.checksum.over(data, spans)
@@ -68,6 +74,10 @@ class Sealed:
         """Bytes of it."""
         first, last = (edge.of(0, 0) for edge in self.at)
         return int(last - first)
+
+    def stands_in(self, raw: bytes) -> bool:
+        """Tell whether one packet has it."""
+        return not self.some or len(raw) > self.over[0][0].bytes
 
     def covered(self, raw: bytes) -> bytes:
         """Return the bytes of one packet that it covers."""
@@ -93,7 +103,8 @@ class Plan:
     tail_at: int
     prefix: int  # bytes needed before length and guards can be read
     width: Mapping[str, int]  # bytes of each field; those of two have the low byte first
-    behind: int  # bytes behind the variable field
+    behind: int  # bytes behind the variable field, if that has any
+    alone: int  # and if it has none: a check of nothing may be left out
     size: str  # the field that the length follows from; empty: all packets are as long
     seals: tuple[Sealed, ...]  # all checks, the cheap ones first
     constants: tuple[tuple[Edge, bytes], ...]  # those behind the header
@@ -106,8 +117,29 @@ class Plan:
 
     def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
         """Return the checksum of one packet, the bytes it covers, and what was sent."""
-        seal = self.seals[-1]
+        seal = next(seal for seal in reversed(self.seals) if seal.stands_in(raw))
         return seal.checksum, seal.covered(raw), seal.sent(raw)
+
+    def size_with(self, tail: Any) -> Any:
+        """Return how many bytes packets have whose variable field has so many."""
+        if self.alone == self.behind:
+            return tail + (self.tail_at + self.behind)
+        return tail + self.tail_at + np.where(tail, self.behind, self.alone)
+
+    def sizes(self, most: int) -> I64:
+        """Return how many bytes packets have, by the field that tells it; -1: none has."""
+        told = np.arange(most + 1 if self.size else 1)
+        tail = np.asarray(self.tail({self.size: told})) + 0 * told
+        return np.where(tail >= 0, self.size_with(tail), -1)
+
+    def tail_in(self, size: I64) -> I64:
+        """Return how many bytes the variable field has in packets of so many."""
+        tail = size - (self.tail_at + self.behind)
+        return tail if self.alone == self.behind else np.maximum(tail, 0)
+
+    def tail_of(self, raw: bytes) -> bytes:
+        """Return the variable field of one packet."""
+        return raw[self.tail_at : max(len(raw) - self.behind, self.tail_at)]
 
     @property
     def sum_from(self) -> int:
@@ -227,6 +259,8 @@ class _PacketWalk:
             case c.Bytes() if self.tail is None:
                 size = con.length
                 self.tail = size if callable(size) else lambda _: size
+                if isinstance(size, ByCode):
+                    self.checks.append(size.knows)
                 self.tail_at, self.tail_name = self.pos, name
                 self.places[name] = self.pos, 0, False
                 self.pos = 0
@@ -241,8 +275,8 @@ class _PacketWalk:
                 raise TypeError(
                     " ".join(["no plan for", *filter(None, [name]), repr(con)])
                     + ": a packet is Const, fields of Byte or Int16ul, one Bytes(length by this, "
-                    "or a number), and Seal or one Checksum; any other wants a block scanner of "
-                    "its own"
+                    "a number, or BY_CODE), and Seal or one Checksum; any other wants a block "
+                    "scanner of its own"
                 )
 
     def _take(self, name: str, size: int) -> None:
@@ -288,6 +322,7 @@ class _PacketWalk:
             prefix=prefix,
             width=MappingProxyType(self.width),
             behind=behind,
+            alone=behind - sum(seal.width for seal in seals if seal.some),
             size=min(asked, default=""),
             seals=tuple(seals),
             constants=tuple(constants),
@@ -320,7 +355,15 @@ class _PacketWalk:
                 over.append((first, last))
         if not over:
             raise TypeError(f'{name} covers nothing: name fields, Seal(Byte, XOR8, "length", ...)')
-        return Sealed(name, seal.checksum, self._stretch(name), tuple(over))
+        at, size, far = self.places[name]
+        if seal.some and not (
+            far and seal.over == (self.tail_name,) and at == 0 == self.pos - size
+        ):
+            raise TypeError(
+                f"{name} is not always there: then it is the last of the packet, and covers "
+                f"{self.tail_name}, right before it, and nothing else"
+            )
+        return Sealed(name, seal.checksum, self._stretch(name), tuple(over), seal.some)
 
 
 def asked_by(expression: Expression) -> set[str]:

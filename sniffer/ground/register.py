@@ -24,6 +24,9 @@ TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
         "i16be": np.dtype(">i2"),
         "u32": np.dtype("<u4"),
         "i32": np.dtype("<i4"),
+        "u32be": np.dtype(">u4"),
+        "i32be": np.dtype(">i4"),
+        "i64": np.dtype("<i8"),
         # where registers go by words instead of addresses (LSS)
         "decimal": np.dtype("i8"),
         "text": np.dtype("S0"),

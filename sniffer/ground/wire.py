@@ -1,4 +1,4 @@
-"""Constructs that construct itself has not: checks at any place, all bytes but the last.
+"""What construct has not: checks at any place, sizes by a table, all bytes but the last.
 
 A ``Packet`` is a Struct whose checks are fields like others: a ``Seal`` names the fields it covers,
 and these may stand behind it as well as before. It is judged when all of the packet was read.
@@ -10,9 +10,10 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import construct as c
+import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sniffer.ground.checksums import Sum
 
@@ -24,11 +25,48 @@ class Seal(c.Subconstruct):  # type: ignore[misc]  # construct has no types
         field: what holds it: Byte, or Int16ul.
         checksum: one of ``sniffer.ground.checksums``, or an object like them.
         over: names of the fields that it covers.
+        some: it is the last of its packet, covers the field before it, and is only there where that
+            has bytes.
     """
 
-    def __init__(self, field: Any, checksum: Sum, *over: str) -> None:
+    def __init__(self, field: Any, checksum: Sum, *over: str, some: bool = False) -> None:
         super().__init__(field)
-        self.checksum, self.over = checksum, over
+        self.checksum, self.over, self.some = checksum, over, some
+
+    def stands(self, fields: Any) -> bool:
+        """Tell whether it is there, by the fields before it."""
+        return not self.some or any(fields.get(name) for name in self.over)
+
+    def _parse(self, stream: Any, context: Any, path: str) -> Any:
+        return super()._parse(stream, context, path) if self.stands(context) else None
+
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
+        return super()._build(obj, stream, context, path) if self.stands(context) else None
+
+
+class ByCode:
+    """How many bytes a packet's variable field has, where nothing but its ``code`` tells.
+
+    As ``Bytes(BY_CODE)`` in a declaration the family fills in its commands; a code that it does not
+    have makes no packet.
+    """
+
+    def __init__(self, sizes: Mapping[int, int] | None = None) -> None:
+        self._sizes = np.full(256, -1, np.int64)
+        for code, size in (sizes or {}).items():
+            self._sizes[code] = size
+
+    def __call__(self, context: Any) -> Any:
+        """Return it for one code or for a column of them, -1 where there is no such packet."""
+        found = self._sizes[context["code"]]
+        return found if isinstance(found, np.ndarray) else int(found)
+
+    def knows(self, context: Any) -> Any:
+        """Tell which codes make a packet."""
+        return self(context) >= 0
+
+
+BY_CODE = ByCode()
 
 
 class AllBut(c.Construct):  # type: ignore[misc]
@@ -62,14 +100,17 @@ class Packet(c.Struct):  # type: ignore[misc]
         spans = self._spans(fields, len(raw))
         for name, seal in self.seals():
             covered = b"".join(raw[slice(*spans[other])] for other in seal.over)
-            if seal.checksum(covered) != fields[name]:
+            if seal.stands(fields) and seal.checksum(covered) != fields[name]:
                 raise c.ChecksumError(f"{name} does not hold", path=path)
         return fields
 
     def _spans(self, fields: Any, size: int) -> dict[str, tuple[int, int]]:
         """Return where each field stands, by what was read of the one whose size varies."""
         out, at = {}, 0
-        sizes = [_size(sub, fields.get(sub.name)) for sub in self.subcons]
+        absent = {name for name, seal in self.seals() if not seal.stands(fields)}
+        sizes = [
+            0 if sub.name in absent else _size(sub, fields.get(sub.name)) for sub in self.subcons
+        ]
         for sub, length in zip(self.subcons, sizes, strict=True):
             out[sub.name] = (at, at + length)
             at += length
@@ -90,6 +131,8 @@ class Packet(c.Struct):  # type: ignore[misc]
             own[sub.name] = sub._build(value, part, own, path)
             raw[sub.name or str(number)] = part.getvalue()
         for name, seal in seals.items():
+            if not seal.stands(own):
+                continue
             own[name] = seal.checksum(b"".join(raw[other] for other in seal.over))
             raw[name] = seal.subcon.build(own[name])
         for part_of in raw.values():

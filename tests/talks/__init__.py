@@ -39,7 +39,7 @@ def table(model: str) -> tuple[Row, ...]:
     out = []
     for entry in tomllib.loads(text)["register"]:
         kind: str = entry.get("type", "u8")
-        width = {"8": 1, "1": 2, "3": 4}[kind[1]]
+        width = {"8": 1, "1": 2, "3": 4, "6": 8}[kind[1]]
         out.append(Row(entry["name"], int(entry["address"]), width, kind[0] == "i"))
     return tuple(sorted(out, key=lambda r: r.address))
 

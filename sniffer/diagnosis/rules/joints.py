@@ -260,7 +260,8 @@ def _found(
     works = ""
     if motor is not None:
         steady, peaks = motor.between(longest.first_ns + NS // 2, longest.last_ns)
-        works = f", with {motor.told(steady if code == 'joint-stalled' else peaks)}"
+        shown = steady if code == "joint-stalled" else peaks
+        works = f", with {motor.told(shown)}" if np.isfinite(shown) else ""
     goals = one.goal
     told = np.flatnonzero((goals.t >= longest.first_ns) & (goals.t_first <= longest.last_ns))
     span = (

@@ -35,14 +35,15 @@ FINDINGS: Final = (
         "Requests lack bytes: a controller sends them in one go, and noise alters bytes but hardly "
         "ever takes any away.",
         "Torn requests that begin as one which this controller made and end as one, without a middle; "
-        "most torn requests are so.",
+        "most torn requests are so, and not all are mere beginnings: who breaks off leaves such.",
     ),
     FindingCode(
         "headless-frames",
         "tap",
         "Ends of frames stand without their beginnings, and not right behind a request.",
-        "Three bytes or more of no frame, behind an answer or a pause, with a length that no request "
-        "and no answer here has: noise alters frames and leaves their length.",
+        "Three bytes or more of no frame, behind an answer or a pause, that no request begins with, "
+        "with a length that no request and no answer here has: noise alters frames and leaves their "
+        "length.",
     ),
     FindingCode(
         "answered-though-torn",
@@ -90,7 +91,9 @@ def torn_requests(case: Case) -> Iterator[Finding]:
         else:
             altered += any(is_altered(d.got, whole) for whole in known)
     torn = sum(d.turn == IN_REQUEST for d in case.damages)
-    if len(short) >= max(LEAST, SOME * torn, MOST * (len(short) + altered)):
+    # A controller that breaks off leaves beginnings alone; a hole ends wherever it likes.
+    is_cut_by_tap = any(not _is_begun(d.got, known) for d in short)
+    if is_cut_by_tap and len(short) >= max(LEAST, SOME * torn, MOST * (len(short) + altered)):
         yield _told(
             "requests-torn-short",
             short,
@@ -119,7 +122,12 @@ def headless(case: Case) -> Iterator[Finding]:
         for d in case.damages
         if d.turn not in (IN_REPLY, IN_REQUEST) and d.at not in ends and d.length >= PIECE
     ]
-    pieces = [d for d in idle if d.length not in whole and len(set(d.got)) > 1]
+    known = exchanges.kinds.requests
+    pieces = [
+        d
+        for d in idle
+        if d.length not in whole and len(set(d.got)) > 1 and not _is_begun(d.got, known)
+    ]
     if len(pieces) < LEAST or len(pieces) < max(MOST * len(idle), PART * len(case.damages)):
         return
     yield _told(
@@ -192,6 +200,11 @@ def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     complaints = set(case.anomalies("device-checksum").at.tolist())
     behind = set(rows.at.tolist()) - complaints
     return [d for d in torn if d.at + d.length in behind]
+
+
+def _is_begun(got: bytes, known: Sequence[bytes]) -> bool:
+    """Tell whether bytes are the beginning of a request, and nothing else."""
+    return any(whole.startswith(got) for whole in known)
 
 
 def _is_short(got: bytes, known: Sequence[bytes]) -> bool:

@@ -7,7 +7,6 @@ all rows; what is rare is then worked out for those rows only that have its bit.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,6 +25,7 @@ from sniffer.ground.model import (
     Frames,
 )
 from sniffer.protocols.packets.declare import LISTED
+from sniffer.protocols.packets.direction import alike, in_turn, near, said_again
 from sniffer.protocols.packets.form import check_form, planned, shapes_of, told_of
 from sniffer.protocols.packets.listed import Bytes, asked_by, column, listed, whole
 from sniffer.protocols.packets.walk import ROOM
@@ -47,12 +47,12 @@ class FamilyColumns:
         check_form(family)
         self.plan = plan = planned(family)
         self.id_at, self.code_at = plan.at.get("servo_id", -1), plan.at["code"]
-        most = dict.fromkeys(plan.at, family.most)
-        self.longest = int(plan.tail_at + plan.tail(most) + plan.behind)
+        self.back = planned(family, answers=True) if family.answer_header else None
+        self.sizes = plan.sizes(family.most)
+        self.sizes_back = self.sizes if self.back is None else self.back.sizes(family.most)
+        self.longest = int(max(self.sizes.max(), self.sizes_back.max()))
         self.reach = max(self.longest, family.reach)
         self.told = told_of(family)
-        own = family.answer_header
-        self.back = replace(plan, header=own) if own else None
         self.shapes = shapes_of(family)
         self.width = self._one_place("address", 0)[1]
         self.length_at, self.length_width = self._one_place("length", self.width)
@@ -66,13 +66,15 @@ class FamilyColumns:
         self._target, self._step_data = np.zeros((2, 256), np.int64)
         self._fixed, self._held = np.zeros((2, 256), np.int64)
         self._at = np.full(256, -1, np.int64)
-        self._spaces = np.zeros(256, np.int64)
-        self.lists, self.together, self._asks = np.zeros((3, 256), bool)
+        self._spaces, self._strides = np.zeros(256, np.int64), np.ones(256, np.int64)
+        self._answer_at = np.full(256, -1, np.int64)
+        self.lists, self.together, self._asks, self._repeats = np.zeros((4, 256), bool)
         for code in self.shapes:
             self._enter(code)
         # whether anything stands between an address and the data
         self._wide = bool((self._held > self.width).any())
         self._tells_at = bool(self._at.max() >= 0)
+        self._moves = bool(self._spaces.any() or (self._strides > 1).any())
         self._silent = np.isin(codes, family.silent)
         self._anyone = np.where(np.isin(codes, family.anyone), ANY_ID, NO_ALT)
         self._answers = np.isin(
@@ -96,9 +98,10 @@ class FamilyColumns:
         """Lay what is known of a command into the tables."""
         command, shape = self.family.commands[code], self.shapes[code]
         what = KNOWN | FITS | ADDRESSED * ("address" in shape.at)
-        alone = shape.targets is None and not command.answer
+        asks_there = command.answer != 0 and command.answer_at < 0
+        alone = shape.targets is None and not asks_there
         brings = shape.writes or (command.at >= 0 and shape.least > 0 and alone)
-        self._asks[code] = command.at >= 0 and command.answer > 0
+        self._asks[code] = command.at >= 0 and asks_there
         what |= READS * shape.reads | WRITES * brings | TARGETS * (shape.targets is not None)
         what |= RENUMBERS * (command.new_id is not None)
         what |= CHECKED * bool(shape.checks or shape.constants or shape.counted)
@@ -106,11 +109,12 @@ class FamilyColumns:
         self._what[code] = KNOWN
         self._what[code, shape.least : shape.most + 1] = what
         self._reply[code], self._to_all[code] = command.reply, command.to_all
-        self._effect[code], self._answer[code] = command.effect, command.answer
+        self._effect[code], self._answer[code] = command.effect, max(command.answer, 0)
         self._option[code] = shape.at.get("option", (0, 1))[0]
         self._bits[code], self._new[code] = command.new_id or (0, 0)
         self._fixed[code], self._at[code] = shape.fixed, command.at
-        self._spaces[code] = command.space
+        self._spaces[code], self._strides[code] = command.space, command.stride
+        self._answer_at[code], self._repeats[code] = command.answer_at, command.repeats
         self.together[code] = command.together
         if shape.targets is not None:
             self.lists[code] = not shape.brings_several
@@ -130,7 +134,7 @@ class FamilyColumns:
         """
         stuffing, data = self.family.stuffing, block.data
         params = start + self.plan.tail_at
-        count = end - params - self.plan.behind
+        count = self.plan.tail_in(end - start)
         if stuffing is None or not len(start):
             return Bytes(data, params, count)
         if _PLAIN not in block.notes:
@@ -181,6 +185,10 @@ class FamilyColumns:
             request = ~answers
         elif family.echoes:
             answers = (self._answer[by] > 0) & (count == self._answer[by])
+            if self._repeats.any():
+                expects = np.where(silent, self._to_all[by], self._reply[by]) != NEVER
+                may = self._repeats[by] & expects & (what & FITS > 0)
+                answers |= said_again(block, spans, may, self.reach)
             request = ~answers
         else:
             request = self._certain[by] | (silent & ~answers)
@@ -207,8 +215,11 @@ class FamilyColumns:
         brings_none = (what & READS > 0) | lists
         if self._tells_at:
             brings_none |= (what & FITS > 0) & self._asks[by]
-        if self._spaces.any():
-            address += np.where(what & FITS, self._spaces[by], 0) * (held > 0)
+        if family.echoes:  # what is said once more is nothing new
+            brings_none |= ~request & self._repeats[by]
+        if self._moves:
+            there = address * self._strides[by] + self._spaces[by]
+            address = np.where((what & FITS > 0) & (held > 0), there, address)
         if self._tells_at:
             address = np.where(what & FITS > 0, np.maximum(address, self._at[by]), address)
         status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
@@ -225,7 +236,11 @@ class FamilyColumns:
             token += np.where(what & FITS, self._answer[by], 0)
         if family.echoes:
             status = np.full(len(start), -1, np.int16)
-            token |= np.where(token > 0, by << 8, 0)  # what it answers, the code says
+            # what it answers, the code says; of packets that come once more their number, too
+            again = self._repeats[by] & (~request | (what & FITS > 0))
+            token = np.where(again, count, token)
+            token |= np.where((token > 0) | again | ~request, by << 8, 0)
+            address = np.where(request, address, self._answer_at[by])
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
         if self.told is not None:
@@ -252,7 +267,7 @@ class FamilyColumns:
             token[lists] = LISTED
             asked_of = asked_by(block, spans, request, self.reach)
             listed(self, body, code, servo_id, lists, asked_of, data_length, address, token)
-        as_sent, wire = data is block.data, end - start - self.plan.tail_at - self.plan.behind
+        as_sent, wire = data is block.data, self.plan.tail_in(end - start)
         return Frames.stating(
             start=start,
             length=end - start,
@@ -327,15 +342,9 @@ class FamilyColumns:
         """Decide codes that are a command or an error byte: the request before them tells.
 
         Whether a row is a response depends on the row before it being a request, which may itself
-        depend on the row before that. No loop is needed: ``flips`` marks rows that are a response
-        if the row before is a request; in a run of them request and response alternate.
-
-            row        0     1     2     3     4
-            base       req   req   req   req   req      (each would fit as a command)
-            flips      -     yes   yes   yes   -
-            in the end req   resp  req   resp  req
+        depend on the row before that: see ``in_turn``.
         """
-        start, end, count = spans.start, spans.end, body.number
+        start, count = spans.start, body.number
         fits = what & FITS > 0
         if self.family.begins and length is not None:
             step = self._target[code] + length * self._step_data[code]
@@ -350,17 +359,8 @@ class FamilyColumns:
         flips = np.zeros(len(start), bool)
         flips[1:] = (either & base)[1:] & asks[:-1] & same
         flips[1:] &= (count[1:] == expects[:-1]) | (count[1:] == 0)
-        flips[1:] &= start[1:] - end[:-1] <= self.reach
-        if len(block.barriers):
-            segment = block.segment(start)
-            flips[1:] &= segment[1:] == segment[:-1]
+        flips &= near(block, spans, self.reach)
         rows = np.flatnonzero(flips)
         rows = rows[(code[rows] == code[rows - 1]) & (count[rows] == count[rows - 1])]
-        for size in numbers(end[rows] - start[rows]).tolist():  # the same bytes: asked once more
-            mine = rows[end[rows] - start[rows] == size]
-            here = start[mine][:, None] + np.arange(size)
-            back = (start[mine] - start[mine - 1])[:, None]
-            flips[mine] = (block.data[here] != block.data[here - back]).any(axis=1)
-        row = np.arange(len(start))
-        last = np.maximum.accumulate(np.where(flips, 0, row))
-        return np.asarray(base[last] ^ ((row - last) & 1 > 0))
+        flips[rows] = ~alike(block, spans, rows)  # the same bytes: asked once more
+        return in_turn(base, flips)

@@ -25,6 +25,7 @@ import construct as c
 from sniffer.ground.codes import NEVER
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.registers import numbered
+from sniffer.ground.wire import ByCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -44,6 +45,9 @@ address, from bit 16 on."""
 
 CODE_AT, ADDRESS_AT = 40, 16
 
+ANY: Final = -1
+"""Of ``answer``: as many data bytes as what is asked for has. No request says how many."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -54,13 +58,17 @@ class Command:
     for another command), RELEASES (it is that one) and RESETS (the servo goes back to its
     defaults). ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits
     of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
-    ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
-    data and, but for the last, a checksum. ``at``: the address of the registers that its parameters
-    are or, with ``answer``, its answer, where no packet names one; of ``targets`` each servo's
-    bytes are those.
-    ``space`` is added to the addresses that its packets name, where a servo has several spaces that
-    all begin at 0. ``feedback``, with ``answer_code``: the grammar of its own answer behind the
-    code.
+    ``length`` asks for them; ANY, with ``answer_code`` or ``answer_header``: as many as the
+    register has, which the request does not say. ``repeats``, with ``echoes``: its answer is the
+    same packet once more. ``together``: one packet answers for all targets, each with error, id,
+    data and, but for the last, a checksum. ``feedback``, with ``answer_code``: the grammar of its
+    own answer behind the code.
+
+    Where packets name no address, ``at`` is that of the registers that its parameters are or, with
+    ``answer``, its answer; of ``targets`` each servo's bytes are those. Where both are registers,
+    ``at`` is that of the parameters and ``answer_at`` that of the answer. Where packets name one,
+    it is multiplied by ``stride`` (addresses that count registers: bytes of the table from one to
+    the next), and ``space`` is added (several spaces that all begin at 0).
     """
 
     name: str
@@ -72,7 +80,10 @@ class Command:
     answer: int = 0
     together: bool = False
     at: int = -1
+    answer_at: int = -1
+    stride: int = 1
     space: int = 0
+    repeats: bool = False
     feedback: Any = None
 
 
@@ -95,7 +106,8 @@ class PacketFamily:
     ``packet`` is the grammar of all packets; it names ``servo_id``, a length, ``code``, and the
     parameters, which it may call as the manual does. It is a Struct of header, ``body`` and
     ``checksum``, or a ``Packet`` whose checks stand where they like. Without a length all packets
-    are as long; without an id all is shown under ``sole_id``.
+    are as long or, with ``Bytes(BY_CODE)`` in a ``Packet``, as long as the parameters of their
+    command; without an id all is shown under ``sole_id``.
 
     ``feedback`` is that of a response's code and parameters: ``error`` (FlagsEnum or Enum) and
     ``data``; where it begins with a constant, that code is a response and all others are commands.
@@ -153,8 +165,10 @@ class PacketFamily:
             DeclarationError: a request could be taken for its answer.
         """
         object.__setattr__(self, "models", numbered(self.models))
+        object.__setattr__(self, "packet", self._sized(self.packet, answers=False))
         for command in self.commands.values() if self.echoes else ():
-            if command.answer and parsed(command.params, bytes(command.answer)) is not None:
+            count = max(command.answer, 0)
+            if count and parsed(command.params, bytes(count)) is not None:
                 raise DeclarationError(
                     f"{self.name}: {command.name} may have {command.answer} parameters, as its "
                     "answer has: with echoes=True their count must tell request from answer"
@@ -206,7 +220,49 @@ class PacketFamily:
         """The grammar of an answer where it has a header of its own."""
         header, *rest = self.packet.subcons
         own = c.Renamed(c.Const(self.answer_header), header.name)
-        return type(bare(self.packet))(own, *rest)
+        return self._sized(type(bare(self.packet))(own, *rest), answers=True)
+
+    def _sized(self, packet: Any, *, answers: bool) -> Any:
+        """Return the grammar of packets with the sizes of commands, or of answers, by their codes.
+
+        Raises:
+            DeclarationError: one has no size of its own.
+        """
+        fields = getattr(bare(packet), "subcons", ())
+        if not any(isinstance(getattr(bare(f), "length", None), ByCode) for f in fields):
+            return packet
+        sizes = {} if answers else {code: self._size_of(code, k) for code, k in self._asking()}
+        if answers or not self.answer_header:
+            sizes |= {code: self._size_of(code, k, back=True) for code, k in self._answering()}
+        own = [
+            c.Renamed(c.Bytes(ByCode(sizes)), f.name)
+            if isinstance(getattr(bare(f), "length", None), ByCode)
+            else f
+            for f in fields
+        ]
+        return type(bare(packet))(*own)
+
+    def _asking(self) -> list[tuple[int, Command]]:
+        return [(k, v) for k, v in self.commands.items() if isinstance(v, Command)]
+
+    def _answering(self) -> list[tuple[int, Command]]:
+        asked = [(code, self.commands[k]) for code, k in self.asked_by.items()]
+        return [(code, k) for code, k in asked if (k.reply, k.to_all) != (NEVER, NEVER)]
+
+    def _size_of(self, code: int, command: Command, *, back: bool = False) -> int:
+        """Return how many bytes the parameters of a command, or of its answer, have."""
+        if back and command.answer > 0:
+            return command.answer
+        grammar = (command.feedback or self.feedback) if back else command.params
+        takes = [f for f in grammar.subcons if bare(f) is not c.Terminated]
+        try:
+            return sum(f.sizeof() for f in takes)  # of a Check it is 0
+        except c.SizeofError:
+            what = "its answer: say answer=, or a feedback" if back else "it: say parameters"
+            raise DeclarationError(
+                f"{self.name}: command {command.name}: BY_CODE wants one size of {what} without "
+                "bytes of any number"
+            ) from None
 
     def is_answer(self, raw: bytes) -> bool:
         """Tell whether a packet has the header of answers."""

@@ -14,7 +14,7 @@ from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
-from sniffer.protocols.packets.declare import Command, bare, field_named
+from sniffer.protocols.packets.declare import ANY, Command, bare, field_named
 from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 
@@ -101,14 +101,15 @@ def _check_packet(family: PacketFamily) -> None:
         _refuse(family, "packet names a servo_id: leave out sole_id")
 
 
-def planned(family: PacketFamily) -> Plan:
-    """Return the plan of the packets.
+def planned(family: PacketFamily, *, answers: bool = False) -> Plan:
+    """Return the plan of the packets, or of answers that have a header of their own.
 
     Raises:
         DeclarationError: there is none, it has no header, or a check cannot be where it is.
     """
+    packet = family.answering if answers else family.packet
     try:
-        plan = plan_of(family.packet)
+        plan = plan_of(packet)
     except TypeError as error:
         _refuse(family, f"packet: {error}")
     if not plan.header:
@@ -119,7 +120,7 @@ def planned(family: PacketFamily) -> Plan:
             f"most={family.most} is the greatest {plan.size}, and the packet takes more: write "
             f"Check(this.{plan.size} <= {family.most}) behind it, or another most",
         )
-    if family.answer_header:
+    if family.answer_header and not answers:
         first = bare(bare(family.packet).subcons[0])
         if not isinstance(first, c.Const) or first.value != plan.header:
             _refuse(
@@ -158,6 +159,25 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
         _refuse(
             family,
             f"command {command.name}: its reply is one of NEVER, OPTIONAL, IF_ALL, IF_READ, MUST",
+        )
+    told = family.asked_by or family.echoes
+    if command.answer_at >= 0 and not (told and command.answer):
+        _refuse(
+            family,
+            f"command {command.name}: answer_at is where the data of its answer stand: say how "
+            "many they are, answer=, and by echoes, answer_code or answer_header what tells it",
+        )
+    if command.answer == ANY and not family.asked_by:
+        _refuse(
+            family,
+            f"command {command.name}: answer=ANY wants answer_code or answer_header, by which an "
+            "answer tells what it answers",
+        )
+    if command.repeats and (not family.echoes or command.answer):
+        _refuse(
+            family,
+            f"command {command.name}: repeats says that its answer is the same packet once more: "
+            "that wants echoes=True, and no answer=",
         )
     if command.feedback is not None and not family.asked_by:
         _refuse(
@@ -266,7 +286,7 @@ def shapes_of(family: PacketFamily) -> dict[int, Shape]:
     out = {}
     for code, command in family.commands.items():
         try:
-            out[code] = shape_of(command.params, command.at, command.space)
+            out[code] = shape_of(command.params, command.at, command.stride, command.space)
         except TypeError as error:
             _refuse(family, f"command {command.name}: {error}")
     return out

@@ -91,7 +91,8 @@ def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Nth]:
         if shape.begin >= 0:
             yield Nth(rows, servo_id, field("address"), length, pos)
         else:
-            yield Nth(rows, servo_id, field("address") + shape.space, length, at)
+            address = field("address") * shape.stride + shape.space
+            yield Nth(rows, servo_id, address, length, at)
         pos = at + length if targets.data else at
 
 

@@ -13,13 +13,16 @@ from construct import ConstructError
 
 from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
+from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.packets.declare import (
     ADDRESS_AT,
+    ANY,
     CODE_AT,
     KEY,
     LISTED,
+    bare,
     field_named,
     number_in,
     parsed,
@@ -48,7 +51,7 @@ class Slow:
 
     def __init__(self, family: PacketFamily) -> None:
         self.family = family
-        self._sum_width = self._behind = 0
+        self._sum_width = self._behind = self._spared = 0
         fields = family.packet.subcons
         sum_field = next((s.subcon for s in fields if s.name == "checksum"), None)
         if isinstance(sum_field, c.Checksum):
@@ -56,6 +59,8 @@ class Slow:
         else:
             tail = next(i for i, s in enumerate(fields) if s.name == family.tail)
             self._behind = sum(s.sizeof() for s in fields[tail + 1 :])
+            last = bare(fields[-1])
+            self._spared = last.sizeof() if isinstance(last, Seal) and last.some else 0
 
     def parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
         """Parse one packet; its direction is told later."""
@@ -79,7 +84,8 @@ class Slow:
         command = family.commands.get(packet.code)
         fields = parsed(command.params, params) if command else None
         out = SlowFrame(0, len(raw), REQUEST, servo_id, packet.code, raw)
-        out.data_start, out.data = len(raw) - self._behind - len(wire), wire
+        behind = self._behind if wire else self._behind - self._spared
+        out.data_start, out.data = len(raw) - behind - len(wire), wire
         out.alt_id = ANY_ID if servo_id in family.anyone else NO_ALT
         out.token = 0
         if not self._is_request(packet, params, fields, raw, before):
@@ -110,7 +116,10 @@ class Slow:
         if before is not None:
             out.asked = before if before.kind == REQUEST else before.asked
         if self.family.echoes:
-            out.token = code << 8 | len(params)
+            command = self.family.commands[code]
+            out.token, out.address = code << 8 | len(params), command.answer_at
+            if command.repeats:
+                out.data = b""  # it says nothing new
             return
         if self.family.tells_more:
             self._told(out, code, params)
@@ -145,24 +154,32 @@ class Slow:
         """Read an answer that says more than an error and data."""
         family = self.family
         out.op = family.asked_by.get(code, -1)
-        grammar, key, space = family.feedback_of(out.op), 0, 0
+        grammar, key = family.feedback_of(out.op), 0
+        command = family.commands.get(out.op)
         if out.op < 0 and family.answers is None:  # it has the header of answers, and answers none
             out.flags |= MALFORMED
             out.token = len(params)
             return
-        if out.op >= 0:
-            key, space = KEY | out.op << CODE_AT, family.commands[out.op].space
+        if command is not None:
+            key = KEY | out.op << CODE_AT
         fields = parsed(grammar, params)
         if fields is None:
             out.flags |= MALFORMED
             out.token = key | len(params)
+            if command is not None and command.answer == ANY:
+                out.token = key
             return
         place = {leaf.path: leaf.offset for leaf in leaves(grammar, params)}
         out.data = fields.get("data", b"")
         out.data_start += place.get("data", 0)
         out.token = key | len(out.data)
+        if command is not None:
+            out.token = key if command.answer == ANY else out.token
+            out.address = command.answer_at
         if "address" in fields:
-            out.address = fields.address + space
+            out.address = fields.address
+            if command is not None:
+                out.address = fields.address * command.stride + command.space
             out.token |= out.address << ADDRESS_AT
         if "error" in fields:
             out.status = params[place["error"]]
@@ -174,14 +191,16 @@ class Slow:
         family = self.family
         alone = out.alt_id == NO_ALT
         out.flags |= command.effect
-        out.token = command.answer
-        if family.echoes and command.answer:
+        out.token = max(command.answer, 0)
+        if command.repeats:
+            out.token = len(params)
+        if family.echoes and (command.answer or command.repeats):
             out.token |= out.op << 8
         if "address" in fields:
             width = field_named(command.params, "address").sizeof()
             if "data" in fields:
                 width = len(params) - len(fields.data)
-            out.address = fields.address + command.space
+            out.address = fields.address * command.stride + command.space
             out.data_start, out.data = out.data_start + width, out.data[width:]
         if "targets" in fields:
             if not _brings(command):
@@ -191,7 +210,7 @@ class Slow:
         brought = params if command.at >= 0 else fields.get("data", b"")
         if command.at >= 0:
             out.address = command.at
-            if command.answer:  # it asks for what is there
+            if command.answer and command.answer_at < 0:  # it asks for what is there
                 out.data = brought = b""
         own = "length" not in fields or "data" in fields
         if out.address >= 0 and brought and own and "targets" not in fields:
@@ -212,6 +231,9 @@ class Slow:
         family = self.family
         if family.echoes:
             asks = family.commands.get(packet.code)
+            if asks is not None and asks.repeats and fields is not None:
+                again = before is not None and before.kind == REQUEST and before.raw == raw
+                return not again or before is None or before.reply == NEVER
             return asks is None or not asks.answer or len(params) != asks.answer
         if family.answers is not None:
             return bool(packet.code != family.answers)
@@ -248,7 +270,8 @@ class Slow:
             data = bytes(t.get("data", b""))
             length = t.length if "length" in t else fields.length
             address = t.address if "address" in t else fields.address
-            out.append(_Target(t.servo_id, address + command.space, length, data))
+            address = address * command.stride + command.space
+            out.append(_Target(t.servo_id, address, length, data))
         return out
 
     def _read(self, frame: SlowFrame) -> tuple[bytes, bytes]:

@@ -19,8 +19,7 @@ def survey(
     runs: Runs,
     plan: Plan,
     heads: tuple[bytes, bytes],
-    least: int,
-    total: I64,
+    totals: tuple[I64, I64],
     sole_id: int | None,
 ) -> Torn:
     """Judge every header of the runs.
@@ -29,24 +28,32 @@ def survey(
         runs: to look at.
         plan: of the packets.
         heads: the header, and that of answers where they have their own.
-        least: of it that can be.
-        total: bytes of a whole packet, by its size; a greater size is not believed.
+        totals: bytes of a whole packet, and of an answer with a header of its own, by what tells
+            the size; -1, or beyond the end: that tells none.
         sole_id: whose all packets are where none names a servo.
     """
     who, (size_at, width) = plan.at.get("servo_id", len(plan.header)), size_place(plan)
     every = runs.find(heads[0])
+    answers = np.zeros(len(every), bool)
     if heads[1]:
-        every = np.sort(np.concatenate([every, runs.find(heads[1])]))
-    # an id is never a header's byte: of headers that overlap, the last one is it
+        others = runs.find(heads[1])
+        answers = np.repeat([False, True], [len(every), len(others)])
+        every = np.concatenate([every, others])
+        order = np.argsort(every, kind="stable")
+        every, answers = every[order], answers[order]
+    # an id is never a header's byte: of headers that overlap in one run, the last one is it
+    run = runs.of(every)
     is_last = np.ones(len(every), bool)
-    np.not_equal(every[1:], every[:-1] + 1, out=is_last[:-1])
-    at = every[is_last]
+    is_last[:-1] = (every[1:] != every[:-1] + 1) | (run[1:] != run[:-1])
+    at, answers = every[is_last], answers[is_last]
     end = runs.end[runs.of(at)]
     behind = at + size_at + width
     size = sum(runs.byte(at + size_at + k) << 8 * k for k in range(width))
     size = np.where(behind <= end, size, -1)
-    impossible = (size >= 0) & ((size < least) | (size >= len(total)))
-    stop = at + total[np.minimum(np.maximum(size, least), len(total) - 1)]
+    known = np.clip(size, 0, len(totals[0]) - 1)
+    total = np.where(answers, totals[1][known], totals[0][known])
+    impossible = (size >= 0) & ((size >= len(totals[0])) | (total < 0))
+    stop = at + total
     onward = following(every, at + len(plan.header), end)
     cut = (size < 0) | (stop > end) | ((onward < end) & (onward < stop - plan.behind))
     cut &= ~impossible

@@ -17,7 +17,7 @@ import numpy as np
 
 from sniffer.ground.model import MALFORMED
 from sniffer.ground.wire import AllBut
-from sniffer.protocols.packets.declare import ADDRESS_AT, CODE_AT, KEY
+from sniffer.protocols.packets.declare import ADDRESS_AT, ANY, CODE_AT, KEY
 from sniffer.protocols.packets.listed import column
 
 if TYPE_CHECKING:
@@ -115,7 +115,10 @@ class ToldAnswers:
             self.shapes[family.answers] = answer_of(family.feedback_of(-1))
         for code, asked in family.asked_by.items():
             self.shapes[code] = answer_of(family.feedback_of(asked))
-        self._space = {code: family.commands[k].space for code, k in family.asked_by.items()}
+        told = {code: family.commands[k] for code, k in family.asked_by.items()}
+        self._place = {code: (command.stride, command.space) for code, command in told.items()}
+        self._at = {code: command.answer_at for code, command in told.items()}
+        self._any = {code for code, command in told.items() if command.answer == ANY}
         self.states_address = any("address" in s.at for s in self.shapes.values())
         self._known = np.isin(np.arange(256), [*self.shapes])
         self._key, self._names_it = np.zeros(256, np.int64), np.zeros(256, bool)
@@ -157,10 +160,13 @@ class ToldAnswers:
         key = int(self._key[self.asked[code]]) if self.asked[code] >= 0 else 0
         flags[rows[~good]] = MALFORMED
         held[rows], length[rows] = np.where(good, shape.front, 0), np.where(good, own, count)
-        token[rows] = key | length[rows]
+        token[rows] = key | (0 if code in self._any else length[rows])
+        if self._at.get(code, -1) >= 0:
+            address[rows] = np.where(good, self._at[code], -1)
         if "address" in shape.at:
             where, width = shape.at["address"]
-            named = column(data, at + where, width) + self._space.get(code, 0)
+            stride, space = self._place.get(code, (1, 0))
+            named = column(data, at + where, width) * stride + space
             address[rows] = np.where(good, named, -1)
             token[rows] |= np.where(good, named << ADDRESS_AT, 0)
         if "error" in shape.at:

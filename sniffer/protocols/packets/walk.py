@@ -48,7 +48,8 @@ class Shape:
     ``fixed`` bytes stand before ``data`` or ``targets``; from ``least`` to ``most`` there are.
     ``checks`` are expressions on the fields, for columns as for numbers, ``constants`` bytes that
     must stand there. ``begin``: all bytes of a target are registers from that address on;
-    ``space``: what is added to an address that is named; ``counted``: ``length`` is that of the
+    ``stride`` and ``space``: what an address that is named is multiplied by, and what is added;
+    ``counted``: ``length`` is that of the
     data.
     """
 
@@ -61,6 +62,7 @@ class Shape:
     checks: tuple[Callable[[Any], Any], ...]
     constants: tuple[tuple[int, bytes], ...]
     begin: int = -1
+    stride: int = 1
     space: int = 0
     counted: bool = False
 
@@ -151,13 +153,14 @@ class _Walk:
             self.checks.append(con.func)
 
 
-def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
+def shape_of(grammar: Any, at: int = -1, stride: int = 1, space: int = 0) -> Shape:
     """Walk the parameters of one command.
 
     Args:
         grammar: of its parameters.
         at: the address of what it is about, where no packet names one.
-        space: what is added to an address that is named.
+        stride: what an address that is named is multiplied by.
+        space: what is added then.
 
     Raises:
         TypeError: the grammar holds something that columns have no form for.
@@ -185,8 +188,8 @@ def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
             f"it has an address and no length, by which it would read, but {likely[0]}: call that "
             "length"
         )
-    if space and "address" not in w.at and not (t is not None and "address" in t.at):
-        raise TypeError("no packet of it names an address that `space` could be added to")
+    if (space or stride != 1) and "address" not in {*w.at, *(() if t is None else t.at)}:
+        raise TypeError("no packet of it names an address that `space` or `stride` could move")
     if t is not None and at < 0 and not {"address", "length"} <= {*w.at, *t.at}:
         raise TypeError(
             "several targets need an address and a length, each its own or all alike, or `at`"
@@ -201,6 +204,7 @@ def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
         tuple(w.checks),
         tuple(w.constants),
         at if t is not None else -1,
+        stride,
         space,
         w.counted,
     )

@@ -37,11 +37,10 @@ class Words:
         error = field_named(family.feedback, "error")
         self._bits, self._numbers = flag_bits(error), numbers(error)
         self._tells_more = family.tells_more
-        sizes = np.arange(family.most + 1 if self._size else 1)
-        tail = np.asarray(self.plan.tail({self._size: sizes})) + 0 * sizes
-        self._least = int(np.flatnonzero(tail >= 0)[0])
-        # a packet's bytes by its length field
-        self._total: I64 = tail + self.plan.tail_at + self.plan.behind
+        # a packet's bytes by its length, or its code; that of an answer may be another one
+        self._total, self._total_back = columns.sizes, columns.sizes_back
+        self._least = int(np.flatnonzero(self._total >= 0)[0])
+        self._by_length = bool((self._total[self._least :] >= 0).all())
         self._length_at, self._length_width = columns.length_at, columns.length_width
         # a stuffed byte stands behind another one, so twice the bytes hold the fields in any case
         wire = 1 if family.stuffing is None else 2
@@ -86,7 +85,7 @@ class Words:
             if data and row.address < 0:
                 out["data"] = self._plain(raw, data).hex()
             return out
-        params = self._plain(raw, raw[self.plan.tail_at : len(raw) - self.plan.behind])
+        params = self._plain(raw, self.plan.tail_of(raw))
         rest = {self.family.tail: params.hex()} if params else {}
         command = self.family.commands.get(row.op)
         if command is None:
@@ -115,7 +114,7 @@ class Words:
         if row.flags & MALFORMED:
             return {}
         out: dict[str, Any] = {}
-        params = raw[self.plan.tail_at : len(raw) - self.plan.behind]
+        params = self.plan.tail_of(raw)
         grammar = self.family.feedback_of(row.op)
         for leaf in leaves(grammar, params):
             if leaf.path == "error":
@@ -259,13 +258,14 @@ class Words:
             add(at, "noise", {})
             stop = at + size_at + width
             size = int.from_bytes(run[at + size_at : stop], "little") if stop <= n else None
-            if size is not None and not self._least <= size <= self.family.most:
-                bound = "least" if size < self._least else "most"
-                limit = self._least if size < self._least else self.family.most
-                add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
-                continue
+            total = self._total if run.startswith(head, at) else self._total_back
+            need = None
+            if size is not None:
+                need = total.item(size) if size < len(total) else -1
+                if need < 0:
+                    add(stop, "damaged", self._impossible(size))
+                    continue
             following = _first(run, heads, at + len(head))
-            need = None if size is None else self._total.item(size)
             stop = at + (need or 0)
             if need is None or stop > n or 0 <= following < stop - plan.behind:
                 end = following if following >= 0 else n
@@ -277,9 +277,19 @@ class Words:
             add(stop, "damaged", {**detail, **read})
         return out
 
+    def _impossible(self, size: int) -> dict[str, Any]:
+        """Return what is wrong with a length that no packet has, or with a code."""
+        if not self._by_length:
+            return {self._size: size}
+        bound = "least" if size < self._least else "most"
+        limit = self._least if size < self._least else self.family.most
+        return {self._size: size, f"{self._size}_{bound}": limit}
+
     def _broken(self, raw: bytes) -> dict[str, Any]:
         """Return which checksum of a packet does not hold, empty if all do."""
         for seal in self.plan.seals:
+            if not seal.stands_in(raw):
+                continue
             expected, got = seal.checksum(seal.covered(raw)), seal.sent(raw)
             if expected != got:
                 return {"checksum_expected": expected, "checksum_got": got}
@@ -288,7 +298,8 @@ class Words:
     def survey(self, runs: Runs) -> Torn:
         """Tell the same of all runs of a pass at once."""
         heads = (self.plan.header, self.family.answer_header)
-        return survey(runs, self.plan, heads, self._least, self._total, self.family.sole_id)
+        totals = (self._total, self._total_back)
+        return survey(runs, self.plan, heads, totals, self.family.sole_id)
 
     def _as_read(self, raw: bytes) -> dict[str, Any]:
         """Return the fields of a packet that does not hold, without its checksum."""
