@@ -52,7 +52,9 @@ class Histograms:
         rows[order] = np.repeat(row, np.diff(begins, append=len(order)))
         if len(self._row) == KEYS:
             known = rows >= 0
-            rows, low, high = rows[known], low[known], high if high is low else high[known]
+            exact = high is low
+            rows, low = rows[known], low[known]
+            high = low if exact else high[known]
         counted = self._counted(rows, low)
         self._low += counted
         self._high += counted if high is low else self._counted(rows, high)
