@@ -24,7 +24,7 @@ import numpy as np
 from bench.lines import PART_S, SLICE_S, protocol_of, traffic
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import NS
-from sniffer.mcapfile import sink
+from sniffer.mcapfile import sink, turns
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.ports.unmark import Unmarker
 from sniffer.tap import recorder
@@ -116,6 +116,7 @@ class Escaped:
     """Stands for the port of a line."""
 
     marks_errors = True
+    counts_errors = False
 
     def __init__(self, baud: int) -> None:
         self.baud = baud
@@ -159,7 +160,7 @@ def run(
     with tempfile.TemporaryDirectory(dir=folder) as name:
         lines = [Line(n, baud) for n in range(buses)]
         clock, seen = Leaping(), Hours()
-        for module in (recorder, sink):
+        for module in (recorder, sink, turns):
             module.time = clock  # type: ignore[attr-defined]
         try:
             names = [f"b{n}" for n in range(buses)]
@@ -206,7 +207,7 @@ def run(
             seen.bytes = sum(tap.bytes for tap in taps)
             seen.file_mb = file.size / 1e6
         finally:
-            for module in (recorder, sink):
+            for module in (recorder, sink, turns):
                 module.time = time  # type: ignore[attr-defined]
         return seen
 

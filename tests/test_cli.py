@@ -326,3 +326,14 @@ def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple
     masked = () if is_table else ("numpy.ma",)  # the diagnosis reckons with quantiles
     unwanted = {*HEAVY, *masked, *rich, *(f"sniffer.{room}" for room in (*FAR, *apart))}
     assert not unwanted & {*loaded}
+
+
+@pytest.mark.parametrize("name", ["mightyzap_damaged.log", "lss_damaged.log"])
+def test_a_log_whose_stamps_tell_how_long_a_byte_takes_loads_no_masked_arrays(name: str) -> None:
+    code = (
+        "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "
+        "print(status, 'numpy.ma' in sys.modules, file=sys.stderr)"
+    )
+    python = [sys.executable, "-c", code, "decode", f"sample_captures/{name}", "--format", "jsonl"]
+    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert ran.stderr.splitlines()[-1] == "0 False"

@@ -25,7 +25,10 @@ COMPACT: Final = 1 << 16
 """Rows that may wait to be joined: joining costs the more the oftener it is done."""
 
 NARROW: Final = 1 << 16
-"""Keys in so small a range are sorted by counting, ten times as fast."""
+"""Keys in so small a range are sorted by counting, ten times as fast; in its square in two goes."""
+
+FEW: Final = 1 << 12
+"""Fewer keys are sorted as fast by comparing them as in two goes."""
 
 
 def in_groups(key: I64) -> tuple[I64, I64]:
@@ -33,8 +36,13 @@ def in_groups(key: I64) -> tuple[I64, I64]:
     if not len(key):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     low = int(key.min())
-    if int(key.max()) - low < NARROW:
+    width = int(key.max()) - low
+    if width < NARROW:
         order = np.argsort((key - low).astype(np.uint16), kind="stable")
+    elif len(key) > FEW and width < NARROW * NARROW:  # by their lower half, then by the upper
+        halves = np.frombuffer((key - low).astype("<u4").tobytes(), "<u2").reshape(-1, 2)
+        order = np.argsort(halves[:, 0], kind="stable")
+        order = order[np.argsort(halves[order, 1], kind="stable")]
     else:
         order = np.argsort(key, kind="stable")
     ordered = key[order]

@@ -229,13 +229,14 @@ class Exchanges:
         # Where something else stands between two requests, one may be in it.
         clean = r.places(told + 1) == at + r.lengths(told) + r.answer_length[told]
         told, at = told[clean], at[clean]
+        t_ns = r.t_end[told]
         self._followers.add(
             (r.kind[told] + 1) * _NEXT + r.kind[told + 1] + 1,
             n=1,
             rest_min=idle[told],
             at=at,
-            t_first=r.t_end[told],
-            t_last=r.t_end[told],
+            t_first=t_ns,
+            t_last=t_ns,
         )
         rows = np.flatnonzero(ok[:first])
         length = np.minimum(r.answer_length[rows], len(self.answer_lengths) - 1)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.durations import Bounds
+from sniffer.diagnosis.buckets import in_groups
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64
@@ -38,20 +39,31 @@ class Histograms:
         """Count durations that are at least ``low`` and at most ``high``."""
         if not len(key):
             return
-        keys, first, which = np.unique(key, return_index=True, return_inverse=True)
-        for k in keys[np.argsort(first)].tolist():
+        order, begins = in_groups(key)
+        first = order[begins]
+        for k in key[np.sort(first)].tolist():
             if k not in self._row and len(self._row) < KEYS:
                 self._row[k] = len(self._row)
         if len(self._low) < len(self._row):
             more = ((0, len(self._row) - len(self._low)), (0, 0))
             self._low, self._high = np.pad(self._low, more), np.pad(self._high, more)
-        rows = np.array([self._row.get(k, -1) for k in keys.tolist()])[which]
-        known = rows >= 0
-        size = self._low.size
-        for counts, bound in ((self._low, low), (self._high, high)):
-            at = (np.log2(np.maximum(bound[known], 1)) * self.per_octave).astype(np.int64)
-            at = rows[known] * self._bins + np.minimum(at, self._bins - 1)
-            counts += np.bincount(at, minlength=size).reshape(counts.shape)
+        row = np.array([self._row.get(k, -1) for k in key[first].tolist()])
+        rows = np.empty(len(key), np.int64)
+        rows[order] = np.repeat(row, np.diff(begins, append=len(order)))
+        if len(self._row) == KEYS:
+            known = rows >= 0
+            exact = high is low
+            rows, low = rows[known], low[known]
+            high = low if exact else high[known]
+        counted = self._counted(rows, low)
+        self._low += counted
+        self._high += counted if high is low else self._counted(rows, high)
+
+    def _counted(self, rows: I64, bound: I64) -> I64:
+        """Return by row and bin how many durations there are."""
+        at = (np.log2(np.maximum(bound, 1)) * self.per_octave).astype(np.int64)
+        at = rows * self._bins + np.minimum(at, self._bins - 1)
+        return np.bincount(at, minlength=self._low.size).reshape(self._low.shape)
 
     @property
     def keys(self) -> tuple[int, ...]:

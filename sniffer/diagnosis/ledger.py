@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import TimedBuckets
+from sniffer.diagnosis.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.exchanges import Exchanges
@@ -256,10 +256,9 @@ class Ledger:
             pair_key(f.servo_id[asks].astype(np.int64), f.op[asks]) * 4096
             + np.maximum(f.address[asks], 0) % 4096
         )
-        order = np.argsort(key, kind="stable")
+        order, first = in_groups(key)
+        last = np.append(first[1:], len(order)) - 1
         key, t = key[order], t_start[order]
-        first = np.concatenate([[True], key[1:] != key[:-1]])
-        last = np.concatenate([first[1:], [True]])
         begun = np.array([self._asked_at.get(k, -1) for k in key[first].tolist()], np.int64)
         earlier = np.concatenate([[0], t[:-1]])
         earlier[first] = begun

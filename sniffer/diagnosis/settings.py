@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import Buckets, in_groups
 from sniffer.diagnosis.events import SETTING, Happenings
 from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
 
@@ -65,10 +65,9 @@ class Settings:
             return Happenings.empty()
         key = (v.servo_id[mine].astype(np.int64) + 1) * self._count + v.register[mine]
         raw = v.raw[mine]
-        order = np.argsort(key, kind="stable")
+        order, first = in_groups(key)
+        last = np.append(first[1:], len(order)) - 1
         k, r = key[order], raw[order]
-        first = np.concatenate([[True], k[1:] != k[:-1]])
-        last = np.concatenate([first[1:], [True]])
         before = np.concatenate([[0], r[:-1]])
         before[first] = [self._known.get(one, -1) for one in k[first].tolist()]
         self._known.update(zip(k[last].tolist(), r[last].tolist(), strict=True))
@@ -94,18 +93,18 @@ class Settings:
         if not len(asked):
             return
         v, f = batch.values, batch.frames
-        row = v.row[asked]
+        row, raw, t_ns = v.row[asked], v.raw[asked], v.t_ns[asked]
         self.writes.add(
             (v.servo_id[asked].astype(np.int64) + 1) * self._count + v.register[asked],
             n=1,
             parts=v.part[asked] != WHOLE,
             refused=~v.accepted[asked],
-            low=v.raw[asked],
-            high=v.raw[asked],
+            low=raw,
+            high=raw,
             at=f.start[row] + batch.base,
             length=f.length[row],
-            t_first=v.t_ns[asked],
-            t_last=v.t_ns[asked],
+            t_first=t_ns,
+            t_last=t_ns,
         )
 
     def written(self) -> dict[str, I64]:

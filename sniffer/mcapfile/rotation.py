@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import re
 import time
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -232,7 +233,7 @@ class RotatingMcap:
         if self._due(self._now()):
             self._change(places)
         for bus, state in self._buses.items():
-            state.kept = [p for p in state.kept if _end(p) > places[bus]]
+            del state.kept[: bisect_right(state.kept, places[bus], key=_end)]
 
     def flush(self) -> None:
         """Write what waits: raw bytes at once, what was decoded in time."""

@@ -42,11 +42,10 @@ UNSEEN_JUDGED: Final = 4
 """How many times as long it is until a bus is judged again, at least: where somebody looks, and
 where nobody does."""
 
-SHARE: Final = 0.2
-QUIET_SHARE: Final = 0.03
-UNSEEN_SHARE: Final = 0.01
-"""Share of the time that judging all buses may take: of those on which something was wrong since
-they were judged last, of the others, and of these where nobody looks."""
+SHARES: Final = (0.2, 0.03)
+UNSEEN_SHARES: Final = (0.02, 0.01)
+"""Share of the time that judging all buses may take, where somebody looks and where nobody does:
+of those on which something was wrong since they were judged last, and of the others."""
 
 _WORSE: Final = np.array([severity > Severity.NOTE for severity in SEVERITY])
 """Codes that are worse than a note, by their numbers."""
@@ -73,7 +72,7 @@ class Diagnosing:
         """What ended it although it should not have; the recording goes on without it."""
         self._now = now
         self._every_s = EVERY_S if is_followed else UNSEEN_S
-        self._quiet_share = QUIET_SHARE if is_followed else UNSEEN_SHARE
+        self._shares = SHARES if is_followed else UNSEEN_SHARES
         self._pause_s = ((JUDGED if is_followed else UNSEEN_JUDGED) - 0.5) * self._every_s
         self._diagnosis = Diagnosis()
         self._tracker = Tracker()
@@ -83,6 +82,7 @@ class Diagnosing:
         self._known: tuple[Tracked, ...] = ()
         self._news: set[tuple[str, str]] = set()
         self._due: dict[tuple[str, str], float] = {}
+        self._first_s = 0.0 if is_followed else self._pause_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
 
@@ -138,7 +138,8 @@ class Diagnosing:
         self._take_in()
         for case in self._diagnosis.cases():
             key = case.bus, case.protocol.name
-            if time.monotonic() >= self._due.get(key, 0.0):
+            now = time.monotonic()
+            if now >= self._due.setdefault(key, now + self._first_s):
                 self._judge(case, key)
             if self._stop.is_set():
                 return
@@ -174,6 +175,6 @@ class Diagnosing:
         self._changes += self._tracker.update(name, incidents(case), self._now())
         self._known = tuple(replace(one) for one in self._tracker.now())
         took = (time.monotonic() - began) * max(len(self._due), 1)
-        share = SHARE if key in self._news else self._quiet_share
+        share = self._shares[key not in self._news]
         self._news.discard(key)
         self._due[key] = began + max(self._pause_s, took / share)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.model import NEVER_NS, NS, InputError, SnifferError
 from sniffer.ports import Port, PortLostError, PortOptions, Retunable, open_port
 from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
-from sniffer.tap.waiting import Account
+from sniffer.tap.waiting import LATE_NS, LOOK_S, Account, held_since
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,16 +31,6 @@ it; reading every byte as it comes would take a core for eight busy buses."""
 WINDOW_NS: Final = 50_000_000
 BUSY: Final = 40
 """Reads within ``WINDOW_NS`` from which on the reader takes a breath between rounds."""
-
-LOOK_S: Final = 0.05
-"""How long a silent line is waited for at most before it is said that nothing came."""
-
-LATE_NS: Final = 3_000_000
-"""Bytes that may have been there for longer than this are said to be held: beyond what a breath and
-the worker's turns cost."""
-
-WOKEN_NS: Final = 10_000_000
-"""The kernel was waited for, not the other threads, where it took longer than this."""
 
 FULL: Final = 4095
 """What the kernel hands out of a terminal at most in one read: there may be more of it."""
@@ -206,28 +196,34 @@ class Listener:
             selector.register(self._waker, selectors.EVENT_READ, None)
             for line in lines:
                 selector.register(line.fileno(), selectors.EVENT_READ, line)
-            window, reads, breathes, is_new = 0, 0, False, True
+            window, reads, breathes, all_speak, is_new, look_at = 0, 0, False, False, True, 0
             came = self._anchor.now()
             while not self._stop.is_set():
                 before, looked = came, self._anchor.now()
-                ready = selector.select(0 if is_new else LOOK_S)
+                if is_new or all_speak:  # a port may hold bytes that came before it was set up
+                    ready = [line for line in lines if line.port is not None]
+                    is_new = False
+                else:
+                    ready = [key.data for key, _ in selector.select(LOOK_S)]
                 came = self._anchor.now()
-                held_ns = _held_ns(before, looked, came)
+                held_ns = held_since(before, looked, came)
                 if held_ns:  # the kernel moves up what did not fit, once for all ports
                     time.sleep(BREATH_NS / NS)
                 waited_ns = account.since()
                 if waited_ns > BREATH_NS:  # the breath is part of the latency
                     held_ns = max(held_ns, min(waited_ns, self._anchor.now() - before))
-                if is_new:  # a port may hold bytes that came before it was set up
-                    ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
-                    is_new = False
-                for key, _ in ready:
-                    if key.data is None:
+                spoke = 0
+                for line in ready:
+                    if line is None:
                         os.read(self._waker, WAKES)
-                    elif self._read(key.data, held_ns, came) is None:
-                        selector.unregister(key.fileobj)
-                        gone, key.data.port = key.data.port, None
-                        self._thread(functools.partial(self._look_for, key.data, gone)).start()
+                    elif data := self._read(line, held_ns, came):
+                        spoke += 1
+                    elif data is None:
+                        selector.unregister(line.fileno())
+                        assert line.port is not None
+                        gone = functools.partial(self._look_for, line, line.port)
+                        line.port = None
+                        self._thread(gone).start()
                 self._heard[number] = looked
                 while self._tunes:
                     self._tune(*self._tunes.popleft())
@@ -236,14 +232,18 @@ class Listener:
                     self._take_back(line, port)
                     selector.register(line.fileno(), selectors.EVENT_READ, line)
                     is_new = True
-                for line in lines:
-                    self._count(line)
-                reads += len(ready)
+                reads += spoke
                 began = time.monotonic_ns()
+                if began > look_at:
+                    look_at = began + WINDOW_NS
+                    for line in lines:
+                        self._count(line)
                 if began - window > WINDOW_NS:
                     window, reads, breathes = began, 0, reads >= BUSY
                 if breathes:
                     time.sleep(BREATH_NS / NS)
+                # who all say something in each breath need not be asked which of them does
+                all_speak = breathes and spoke == len(lines)
         self._read_rest(lines)
 
     def _look_for(self, line: _Line, gone: Port) -> None:
@@ -284,18 +284,14 @@ class Listener:
         """
         port = line.port
         assert port is not None
-        data, is_gone = b"", False
-        passes = HELD_PASSES if held_ns else 0
+        is_gone = False
         try:
-            more = data = port.read()
-            while more and port.pollable and len(data) < JOINED_MAX:
-                if len(more) < FULL and not passes:
-                    break
-                passes = max(passes - 1, 0)
-                more = port.read()
-                data += more
+            data = port.read()
         except PortLostError:
-            is_gone = True
+            data, is_gone = b"", True
+        else:
+            if data and line.pollable and (held_ns or len(data) >= FULL):
+                data, is_gone = _with_more(port, data, HELD_PASSES if held_ns else 0)
         now = self._anchor.now()
         if data:
             late = now - came if came is not None else account.since() if account else 0
@@ -363,18 +359,20 @@ class _Line:
             self.port = None
 
 
-def _held_ns(before: int, looked: int, came: int) -> int:
-    """Return how long bytes may have waited to be read.
+def _with_more(port: Port, data: bytes, passes: int) -> tuple[bytes, bool]:
+    """Return what was read with what stands behind it, and whether the port is gone.
 
-    Nobody looked from ``before``, when the last round saw what there was, until ``looked``; from
-    then on the kernel was waited for, until ``came``.
+    ``passes`` is how often more is looked for at least.
     """
-    waited = came - looked
-    if waited > LOOK_S * NS + LATE_NS:
-        return came - before  # it should have come back sooner: the whole program stood still
-    if waited > WOKEN_NS or came - before <= LATE_NS:
-        return 0  # nothing was there when it was asked, and it came as soon as something was
-    return came - before
+    more = data
+    try:
+        while more and len(data) < JOINED_MAX and (len(more) >= FULL or passes):
+            passes = max(passes - 1, 0)
+            more = port.read()
+            data += more
+    except PortLostError:
+        return data, True
+    return data, False
 
 
 def _opened(line: _Line) -> Port | None:

@@ -9,7 +9,7 @@ from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from sniffer.ports import Counters, Port
     from sniffer.protocols.base import BusProtocol
@@ -86,12 +86,15 @@ class Tap:
             marks = (Mark(MarkKind.HELD, 0, len(data), held_ns), *marks)
         return self._chunk(data, t_ns, marks) if data or marks else None
 
-    def chunks(self, event: Event) -> Iterator[Chunk]:
-        """Yield what an event of the listener adds to the stream."""
+    def chunks(self, event: Event) -> Iterable[Chunk]:
+        """Return what an event of the listener adds to the stream."""
+        if isinstance(event, Read):  # nearly all are: no generator is made for them
+            chunk = self.heard(event)
+            return () if chunk is None else (chunk,)
+        return self._rare(event)
+
+    def _rare(self, event: Event) -> Iterator[Chunk]:
         match event:
-            case Read():
-                if (chunk := self.heard(event)) is not None:
-                    yield chunk
             case Lost(t_ns=t_ns):
                 self.away_ns = t_ns
                 self.lost += 1

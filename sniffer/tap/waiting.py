@@ -12,6 +12,18 @@ import os
 import threading
 from typing import Final
 
+from sniffer.ground.model import NS
+
+LOOK_S: Final = 0.05
+"""How long a silent line is waited for at most before it is said that nothing came."""
+
+LATE_NS: Final = 3_000_000
+"""Bytes that may have been there for longer than this are said to be held: beyond what a breath and
+the worker's turns cost."""
+
+WOKEN_NS: Final = 10_000_000
+"""The kernel was waited for, not the other threads, where it took longer than this."""
+
 _PROC: Final = "/proc/self/task"
 
 
@@ -51,3 +63,17 @@ class Account:
             with contextlib.suppress(OSError, ValueError, IndexError):
                 total += int(os.pread(file, 128, 0).split()[1])
         return total
+
+
+def held_since(before: int, looked: int, came: int) -> int:
+    """Return how long bytes may have waited to be read.
+
+    Nobody looked from ``before``, when the last round saw what there was, until ``looked``; from
+    then on the kernel was waited for, until ``came``.
+    """
+    waited = came - looked
+    if waited > LOOK_S * NS + LATE_NS:
+        return came - before  # it should have come back sooner: the whole program stood still
+    if waited > WOKEN_NS or came - before <= LATE_NS:
+        return 0  # nothing was there when it was asked, and it came as soon as something was
+    return came - before
