@@ -31,6 +31,7 @@ from tests.fleets import (
     end,
     eventually,
     is_running,
+    parent,
     serial,
     talks,
 )
@@ -91,6 +92,20 @@ def test_a_worker_that_is_killed_twice_takes_nothing_with_it(
     killer.join()
     assert (done.status, done.err) == (0, "")
     assert done.out == "4 captures: 4 ok (4 decoded, 0 there already)\n"
+    assert content(data) == expected(inputs, peril, tmp_path / "serial")
+
+
+def test_a_run_goes_on_where_the_process_is_killed_that_begins_its_workers(
+    peril: Peril, tmp_path: Path
+) -> None:
+    inputs, data = talks(tmp_path / "in", HELD_UP, b"", b"", b""), tmp_path / "data"
+    run = begun(inputs, data, peril)
+    end(parent(peril.held_up()))
+    peril.held_up()
+    peril.open()
+    out, err = run.communicate()
+    assert (run.returncode, err) == (0, b"")
+    assert out == b"4 captures: 4 ok (4 decoded, 0 there already)\n"
     assert content(data) == expected(inputs, peril, tmp_path / "serial")
 
 
