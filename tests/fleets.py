@@ -95,6 +95,12 @@ def is_running(pid: int) -> bool:
     return False
 
 
+def parent(pid: int) -> int:
+    """Return the process that has begun another one."""
+    told = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    return int(told.rpartition(")")[2].split()[1])
+
+
 def descendants(pid: int) -> set[int]:
     """Return the processes that a process has begun, and those that they have."""
     out: set[int] = set()

@@ -308,6 +308,7 @@ sys.exit(run(sys.argv[1:]))
     ("error", "told", "status"),
     [
         ("ZeroDivisionError('by\\nnought')", "a fault of this program (ZeroDivisionError: by", 3),
+        ("EOFError('unexpected')", "a fault of this program (EOFError: unexpected)", 3),
         ("MemoryError()", "there is not enough memory for it; what was decoded is kept", 3),
         ("OverflowError() from KeyboardInterrupt()", "interrupted", 130),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 
 import sniffer
 from sniffer.decoding.options import Options
+from sniffer.fleet.dataset import CAPTURES_FILE
 from sniffer.fleet.store import STAGING, Store
 from tests.commands import COMMAND, environment, talk, within
 from tests.disks import disk
@@ -31,6 +33,7 @@ from tests.fleets import (
     end,
     eventually,
     is_running,
+    parent,
     serial,
     talks,
 )
@@ -91,6 +94,20 @@ def test_a_worker_that_is_killed_twice_takes_nothing_with_it(
     killer.join()
     assert (done.status, done.err) == (0, "")
     assert done.out == "4 captures: 4 ok (4 decoded, 0 there already)\n"
+    assert content(data) == expected(inputs, peril, tmp_path / "serial")
+
+
+def test_a_run_goes_on_where_the_process_is_killed_that_begins_its_workers(
+    peril: Peril, tmp_path: Path
+) -> None:
+    inputs, data = talks(tmp_path / "in", HELD_UP, b"", b"", b""), tmp_path / "data"
+    run = begun(inputs, data, peril)
+    end(parent(peril.held_up()))
+    peril.held_up()
+    peril.open()
+    out, err = run.communicate()
+    assert (run.returncode, err) == (0, b"")
+    assert out == b"4 captures: 4 ok (4 decoded, 0 there already)\n"
     assert content(data) == expected(inputs, peril, tmp_path / "serial")
 
 
@@ -249,6 +266,28 @@ def test_whatever_cannot_be_written_leaves_a_data_set_that_says_it_is_not_whole(
         assert "Input/output error" in done.reasons[0]
         assert serial(inputs, data).is_whole
         assert content(data) == content(tmp_path / "serial")
+
+
+def test_what_workers_left_is_swept_away_also_where_the_list_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs, data, put = talks(tmp_path / "in", b""), tmp_path / "data", Store.put
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    left = data / STAGING / f"{platform.node()}-{gone.pid}-it"
+
+    def full(store: Store, path: str, file: Path) -> None:
+        if path == CAPTURES_FILE:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+        put(store, path, file)
+
+    def ended(so_far: sniffer.FleetProgress) -> None:
+        left.mkdir()
+        (left / "samples.parquet").write_bytes(b"begun")
+
+    monkeypatch.setattr(Store, "put", full)
+    assert not serial(inputs, data, progress=ended).is_whole
+    assert not left.exists()
 
 
 def test_a_program_is_told_how_far_it_is(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow.parquet as pq
@@ -343,6 +344,40 @@ def test_a_process_that_is_killed_is_told_and_another_one_takes_its_place() -> N
     assert [b.result for b in became] == ["ONE", None, "TWO"]
     assert isinstance(became[1].error, LostWorkerError)
     assert "killed by SIGKILL" in str(became[1].error)
+
+
+ORPHANS: Final = f"{DIES.replace('getpid', 'getppid')} or __import__('time').sleep(60)"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a fork server")
+def test_where_the_process_is_killed_that_begins_the_others_they_are_begun_by_another() -> None:
+    with Crew(1, eval) as crew:
+        became = []
+        for task in (ORPHANS, "'two'.upper()"):
+            crew.give(task)
+            while not (now := crew.wait(10)):
+                continue
+            became += now
+    assert became[-1].result == "TWO"
+
+
+def test_a_task_whose_process_cannot_be_begun_is_told_as_lost_and_nothing_has_begun(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(*_: object) -> None:
+        raise EOFError("unexpected EOF")
+
+    monkeypatch.setattr("sniffer.jobs.crew._CrewMember", refused)
+    monkeypatch.setattr("sniffer.jobs.crew.AGAIN_S", (0.0, 0.0))
+    with Crew(1, eval) as crew:
+        crew.give("1")
+        assert crew.is_busy
+        ((task, result, error),) = crew.wait()
+        assert not crew.is_busy
+    assert (task, result) == ("1", None)
+    assert isinstance(error, LostWorkerError)
+    assert str(error) == "no process can be begun (unexpected EOF)"
+    assert not error.had_begun
 
 
 def test_decode_takes_jobs_and_says_where_one_process_does_it(

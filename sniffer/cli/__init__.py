@@ -99,7 +99,7 @@ class _Shelf(MutableMapping[str, click.Command]):
 
 
 class _Commands(click.Group):
-    """Keeps Ctrl-C and closed pipes from click, which has answers of its own to them.
+    """Keeps Ctrl-C and what has ended from click, which has answers of its own to them.
 
     And loads no command but the one that is called.
     """
@@ -116,6 +116,8 @@ class _Commands(click.Group):
             raise _InterruptedError from None
         except BrokenPipeError:
             raise _NobodyListensError from None
+        except EOFError as error:  # nobody is asked anything: click would say that this was Ctrl-C
+            raise _EndedError from error
 
 
 @contextlib.contextmanager
@@ -135,6 +137,10 @@ class _InterruptedError(Exception):
 
 class _NobodyListensError(Exception):
     """Standard output is a pipe, and it is closed."""
+
+
+class _EndedError(Exception):
+    """Something had an end that nobody has foreseen: an EOFError, which is its cause."""
 
 
 @click.group(
@@ -179,7 +185,8 @@ def _run(arguments: Sequence[str]) -> int:
         silence_stdout()
         return _tell(f"standard output: cannot be written ({why})", MISTAKE)
     except Exception as error:
-        return _failed(error)
+        unforeseen = error.__cause__ if isinstance(error, _EndedError) else None
+        return _failed(unforeseen if isinstance(unforeseen, EOFError) else error)
     finally:
         _end_stderr()
     return status if isinstance(status, int) else DONE

@@ -53,7 +53,7 @@ JOBS_MOST: Final = 256
         "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
         "sniffer decode run.mcap --format pcapng | wireshark -k -i -",
-        "sniffer decode week.bin --protocol mightyzap --jobs 8 -q -o week.parquet",
+        "sniffer decode week.bin --protocol mightyzap --jobs 8 -q -o week.jsonl",
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, shell_complete=files_here)
@@ -81,7 +81,7 @@ JOBS_MOST: Final = 256
     default=1,
     show_default=True,
     help="Decode by so many processes, with the same result: for huge files of raw bytes. "
-    "JSON lines and tables gain most.",
+    "JSON lines gain most, one Parquet file nothing: see `sniffer fleet`.",
 )
 @click.option(
     "--fail-on",

@@ -348,6 +348,7 @@ class _Work:
         )
         there: set[str] = set()
         try:
+            self.store.sweep()  # what is broken off takes room that the list may need
             there = committed(self.store)
             for task in tasks:
                 if task.fingerprint in there:  # what an earlier run has left, too

@@ -13,16 +13,22 @@ import pickle
 import signal
 import sys
 import threading
+import time
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from sniffer.ground.model import SnifferError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from multiprocessing.connection import Connection
+
+AGAIN_S: Final = (0.05, 0.5)
+"""After how long it is tried once more to begin a process that could not be, in seconds: whoever
+begins them may just have been killed, and Python starts another one as soon as the system says so.
+"""
 
 
 class LostWorkerError(SnifferError):
@@ -48,12 +54,17 @@ class _CrewMember:
     """A process and the line to it; it has begun once it has said so."""
 
     def __init__(self, context: Any, do: Callable[[Any], Any]) -> None:
+        """Begin the process.
+
+        Raises:
+            EOFError: whoever begins processes was killed meanwhile, or could not.
+            OSError: the system lets no more begin.
+        """
         self.line, theirs = context.Pipe()
         given = do, theirs, dict(os.environ)
         self.process = context.Process(target=_work, args=given, name="crew")
-        with _without_main(), unheard():
+        with theirs, _without_main(), unheard():  # closed, so that the line ends with the process
             self.process.start()
-        theirs.close()  # so that the line ends where the process does
         self.has_begun = False
         self.task: Any = None
 
@@ -106,6 +117,7 @@ class Crew:
         self._count = count
         self._do = do
         self._members: list[_CrewMember] = []
+        self._unbegun: list[TaskEnd] = []
 
     @property
     def _busy(self) -> list[_CrewMember]:
@@ -118,19 +130,37 @@ class Crew:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a task is under way."""
-        return bool(self._busy)
+        """Whether it is still to be said of a task what became of it."""
+        return bool(self._busy or self._unbegun)
 
     def give(self, task: Any) -> None:
         """Have a task done; there must be room."""
         member = next((m for m in self._members if m.task is None), None)
         if member is None:
-            member = _CrewMember(self._context, self._do)
+            try:
+                member = self._begun()
+            except LostWorkerError as error:
+                self._unbegun.append(TaskEnd(task, None, error))
+                return
             self._members.append(member)
         member.give(task)
 
+    def _begun(self) -> _CrewMember:
+        for waits in AGAIN_S:
+            with contextlib.suppress(EOFError, OSError):
+                return _CrewMember(self._context, self._do)
+            time.sleep(waits)
+        try:
+            return _CrewMember(self._context, self._do)
+        except (EOFError, OSError) as error:
+            told = f"no process can be begun ({error})"
+            raise LostWorkerError(told, had_begun=False) from error
+
     def wait(self, seconds: float | None = None) -> list[TaskEnd]:
         """Return what has become of tasks by now, or within so many seconds; maybe nothing."""
+        if self._unbegun:
+            out, self._unbegun = self._unbegun, []
+            return out
         busy, out = self._busy, []
         # a process that a dead member has begun may keep its line open
         ready = wait([end for m in busy for end in (m.line, m.process.sentinel)], seconds)

@@ -21,7 +21,7 @@ from sniffer.decoding.resuming import States, UnheardBusError
 from sniffer.jobs.crew import Crew, LostWorkerError
 from sniffer.jobs.part import CountTask, PartResult, PartTask, do_task, observed
 from sniffer.jobs.session import Patience, run_source
-from sniffer.sinks.pieces import WrittenElsewhere, join, pieces_of, turn
+from sniffer.sinks.pieces import WrittenElsewhere, advice_of, join, pieces_of, turn
 from sniffer.sources.stretches import Sizes, stretches_of
 
 if TYPE_CHECKING:
@@ -323,6 +323,8 @@ def decode_in_parts(
     def behind(pipeline: ResumablePipeline) -> None:
         rest: Iterable[FileStretch] = stretches.in_turn(source.notes)
         if pipeline.is_settled and jobs > 1:
+            for line in advice_of(sinks):
+                tell.talk(line)
             parts = JoinedParts(
                 *(pipeline, sinks, stretches, options),
                 selection=selection,

@@ -54,12 +54,27 @@ class Joining(Protocol):
 
 
 @runtime_checkable
+class Packing(Protocol):
+    """A sink that takes so long to join what others have written that these save no time."""
+
+    def advice(self) -> str:
+        """Return what is sooner done, in a line; empty: nothing is known."""
+        ...
+
+
+@runtime_checkable
 class Turning(Protocol):
     """A sink that writes each stretch of a capture to a file of its own."""
 
     def turn(self) -> None:
         """Go on with the next file: a stretch is over, or the last one."""
         ...
+
+
+def advice_of(sinks: Sequence[Sink]) -> list[str]:
+    """Return what is sooner done than these by several processes."""
+    told = [sink.advice() for sink in sinks if isinstance(sink, Packing)]
+    return [line for line in told if line]
 
 
 def turn(sinks: Sequence[Sink]) -> None:

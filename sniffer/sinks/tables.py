@@ -246,6 +246,7 @@ class TableSink:
     """Samples and frames side by side, ``.parquet`` or ``.csv`` by the path's suffix."""
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._samples = _Table(path, SAMPLES, samples_table)
         try:
             self._frames = _Table(beside(path), FRAMES, frames_table)
@@ -265,6 +266,13 @@ class TableSink:
     def pieces(self) -> TablePieces:
         """Return how a part of a capture is written elsewhere."""
         return TablePieces()
+
+    def advice(self) -> str:
+        """Return what packs a huge capture by all processes: a file in one piece does not."""
+        if self._path.suffix.lower() == ".csv":
+            return ""
+        told = f"{self._path} is packed by one process, whoever decodes: "
+        return told + "`sniffer fleet CAPTURE -o FOLDER` has each of them pack files of its own"
 
     def join(self, piece: Path, told: WrittenElsewhere) -> None:
         """Add the rows that were written elsewhere."""
