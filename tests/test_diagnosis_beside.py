@@ -5,6 +5,8 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found, verdicts
 
@@ -134,6 +136,26 @@ def test_what_begins_as_an_answer_and_is_torn_by_a_request_was_said_unasked() ->
     unasked = [f for f in found(told) if f.code == "speaks-unasked"]
     assert [f.servo_id for f in unasked] == [2]
     assert "began before a request was over" in unasked[0].what
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_a_device_that_nobody_ever_asks_speaks_unasked(protocol: str) -> None:
+    def behind(talk: Conversation, cycle: int) -> None:
+        if cycle % 30 == 11:
+            talk.rest(3)
+            talk.say(talk.tongue.answer(9, 0.4))
+
+    told = robot(protocol, 10, behind=behind, goals=False).diagnosed()
+    assert verdicts(told.incidents()) == [("chatty-device", (9,))]
+
+
+def test_a_device_whose_requests_are_on_a_wire_that_is_not_heard_is_no_chatty_one() -> None:
+    talk = Conversation("mightyzap")
+    for cycle in range(200):
+        talk.until(cycle / 40)
+        talk.ask_in_vain(1, 2)
+        talk.say(talk.tongue.answer(9, swinging(9, talk.now_s)))
+    assert "speaks-unasked" not in codes(talk.diagnosed())
 
 
 def test_who_answers_a_request_that_the_tap_has_torn_does_not_speak_unasked() -> None:

@@ -43,7 +43,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -92,6 +92,9 @@ SIGN: Final = 2
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
+
+USUALLY: Final = 0.5
+"""Part of the requests that are answered where the tap hears both sides."""
 
 CHANCE: Final = 0.02
 """Where frames are damaged, all answers without a request are of one servo for so rare a chance."""
@@ -164,7 +167,7 @@ def chatty(case: Case) -> Iterator[Finding]:
             continue
         if torn > n and (others or share ** (n - 1) > CHANCE):
             continue
-        if servo < 0 or not case.total("ok", servo):
+        if servo < 0 or not (case.total("ok", servo) or _is_stranger(case, servo)):
             continue
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         if not len(told):
@@ -205,6 +208,15 @@ def chatty(case: Case) -> Iterator[Finding]:
                 f"servo {servo} said something more behind {more} of {ok} exchanges at most",
                 strength=min(1.0, (SELDOM * ok - more) / more),
             )
+
+
+def _is_stranger(case: Case, servo: int) -> bool:
+    """Tell whether nobody ever asks a device, and those who are asked answer.
+
+    Where hardly anybody answers what is heard, requests may be on a wire that is not.
+    """
+    answered, asked = case.total("ok"), case.total("asked")
+    return not case.total("asked", servo) and answered >= max(UNASKED, USUALLY * asked)
 
 
 def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
