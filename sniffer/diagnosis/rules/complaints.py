@@ -73,6 +73,11 @@ RECENT_NS: Final = 10 * NS
 SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 """Alarms that a supply which sags raises in all servos that hang on it."""
 
+TORN: Final = 40
+BY_CHANCE: Final = 0.2
+"""Torn places among which one may hold by chance (a sum of eight bits lets one in 256 pass, and each is
+framed from several bytes on), and how much an alarm counts there that is said once and taken back."""
+
 MOMENT_NS: Final = NS
 """Servos are asked one after the other."""
 
@@ -126,10 +131,23 @@ def complaints(case: Case) -> Iterator[Finding]:
                 count,
                 f"servo {servo} reports {words} {when}{before}",
                 case.places(case.anomalies(code, servo_id=servo), f"servo {servo}: {words}", 2),
-                strength=0.8 if count == 1 else 1.0,
+                strength=_sure(case, servo, count, first),
                 brief=_BRIEF.get(code, f"servo {{}} reports {words}").format(servo),
                 episodes=spans,
             )
+
+
+def _sure(case: Case, servo: int, count: int, t_ns: int) -> float:
+    """Return how sure it is that a servo said so.
+
+    Of frames that are torn some hold by chance, and say anything: once, and not in the next answer.
+    """
+    if count > 1:
+        return 1.0
+    back = case.anomalies("device-recovered", servo_id=servo).t_ns
+    is_moment = bool(((back >= t_ns) & (back <= t_ns + MOMENT_NS)).any())
+    is_torn = int(case.damage["n"].sum()) >= TORN
+    return BY_CHANCE if is_moment and is_torn else 0.8
 
 
 def _commanded(case: Case, servo: int, t_ns: int) -> str:
