@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.ground.model import Chunk
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
-from tests.streams import mightyzap
+from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -187,3 +188,49 @@ def test_a_controller_that_gives_up_after_one_time_that_answers_exceed_is_impati
 
 def test_requests_that_come_after_any_time_show_no_timeout() -> None:
     assert "gives-up-early" not in codes(late_for_everybody(second=True).diagnosed())
+
+
+# ------------------------------------------------------------------------------- holes, or noise
+
+
+def long_answer(protocol: str, servo: int, s: float) -> bytes:
+    """Return an answer that states all a servo measures: most of it varies, some never does."""
+    place = round(swinging(servo, s) * 1000).to_bytes(2, "little")
+    load = round(90 + 80 * swinging(servo, 1.7 * s)).to_bytes(2, "little")
+    if protocol == "rs30x":
+        return rs30x.returned(
+            servo, 0x2A, place + b"\0\0" + load + place + b"\x1f\0\xd2\x02" + bytes(6)
+        )
+    return mightyzap.packet(servo, 0, place + b"\0\0\xff\x03" + place + load + load + b"\x78\x21")
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@pytest.mark.parametrize("fault", ["tap-loss", "bus-noise"])
+def test_what_few_holes_join_is_told_from_what_noise_alters(protocol: str, fault: str) -> None:
+    """Holes of 4 to 24 bytes in the stream, or as many bytes altered."""
+    rng = random.Random(6)
+    talk = Conversation(protocol)
+    for cycle in range(4000):
+        talk.until(cycle / 200)
+        servo = SERVOS[cycle % 4]
+        if protocol == "rs30x":
+            talk.say(rs30x.packet(servo, 0x0F, 0x2A, 18, 0))
+        else:
+            talk.say(mightyzap.packet(servo, 0xF2, b"\x86\x0e"))
+        talk.rest(0.3)
+        talk.say(long_answer(protocol, servo, talk.now_s))
+    chunks, left = [], 0
+    for chunk in talk.chunks:
+        data, begin = bytearray(chunk.data), 0
+        if fault == "bus-noise":
+            if rng.random() < 0.0002 * len(data):
+                data[rng.randrange(len(data))] ^= rng.randint(1, 255)
+        elif not left and rng.random() < 0.0002 * len(data):
+            left, begin = rng.randint(4, 24), rng.randrange(len(data))
+        n = min(left, len(data) - begin)
+        del data[begin : begin + n]
+        left -= n
+        chunks.append(Chunk(bytes(data), chunk.t_ns, chunk.clock))
+    told = talk.diagnosed([chunk for chunk in chunks if chunk.data])
+    assert verdicts(told.incidents()) == [(fault, ())]
+    assert ("frames-spliced" in codes(told)) == (fault == "tap-loss")
