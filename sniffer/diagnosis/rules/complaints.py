@@ -243,7 +243,9 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     signs = {}
     for servo, own in begins.items():
         others = [other for s, other in begins.items() if s != servo]
-        signs[servo] = own[: telling(own, [*others, *requests])]
+        sign = own[: telling(own, [*others, *requests])]
+        # answers of two lengths have in common only what a request to the servo begins with, too
+        signs[servo] = b"" if any(q.startswith(sign) for q in requests) else sign
     torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
     return {
         servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
