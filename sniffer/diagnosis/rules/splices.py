@@ -75,12 +75,14 @@ def splices(case: Case) -> Iterator[Finding]:
     odd = [d for d in torn if d.length not in one]
     ends = [d for d in odd if _is_headless(d, answers)]
     joined = [d for d in odd if d.length not in two and not _is_piece(d.got, known)]
-    spliced = [d for d in joined if _is_spliced(d.got, known)]
+    # what ends as a request in the place of an answer may have been said into it
+    joined = [d for d in joined if d.turn != IN_REPLY or not _is_spliced(d.got, answers, requests)]
+    spliced = [
+        d for d in joined if _is_spliced(d.got, known, answers if d.turn == IN_REPLY else known)
+    ]
     shown = sorted((*ends, *spliced), key=lambda d: d.at)
     # an open contact cuts answers, and nothing of a request
-    asked = len(ends) + sum(
-        d.turn == IN_REQUEST or not _is_spliced(d.got, answers) for d in spliced
-    )
+    asked = len(ends) + sum(d.turn == IN_REQUEST for d in spliced)
     if len(shown) < max(LEAST, PART * len(torn)) or not asked or len(spliced) < MOST * len(joined):
         return
     yield finding_of(
@@ -119,11 +121,11 @@ def _is_piece(got: bytes, frames: Sequence[_Template]) -> bool:
     return any(_fits(row, t[::-1] if way else t) == len(row) for row, way in both for t in frames)
 
 
-def _is_spliced(got: bytes, frames: Sequence[_Template]) -> bool:
+def _is_spliced(got: bytes, begins: Sequence[_Template], ends: Sequence[_Template]) -> bool:
     """Tell whether bytes are the beginning of one frame and the end of another, and nothing else."""
-    begun = max((_fits(got, template) for template in frames), default=0)
+    begun = max((_fits(got, template) for template in begins), default=0)
     back = got[::-1]
-    ended = max((_fits(back, template[::-1]) for template in frames), default=0)
+    ended = max((_fits(back, template[::-1]) for template in ends), default=0)
     return min(begun, ended) > 0 and begun + ended >= len(got)
 
 
