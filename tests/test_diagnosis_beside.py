@@ -5,8 +5,11 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.streams import mightyzap
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -134,6 +137,50 @@ def test_what_begins_as_an_answer_and_is_torn_by_a_request_was_said_unasked() ->
     unasked = [f for f in found(told) if f.code == "speaks-unasked"]
     assert [f.servo_id for f in unasked] == [2]
     assert "began before a request was over" in unasked[0].what
+
+
+def test_a_torn_request_that_begins_as_answers_of_its_servo_do_is_no_answer_unasked() -> None:
+    """Answers of two lengths have their header and id in common, and so have requests."""
+    rng = random.Random(8)
+    hits = set(rng.sample(range(900), 40))
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        short = cycle % 2
+        asked = mightyzap.packet(servo, 0xF1) if short else talk.tongue.ask(servo)
+        hit = 3 * cycle + servo in hits and servo == 2
+        said = bytearray(asked)
+        if hit:
+            said[rng.randrange(5, len(said))] ^= 1 << rng.randrange(8)
+        talk.say(bytes(said))
+        talk.rest(0.3)
+        if not hit or cycle % 5 == 0:  # some the servo had whole
+            answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+            talk.say(mightyzap.packet(servo, 0) if short else answer)
+        talk.rest(0.5)
+        return True
+
+    told = robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
+    assert "speaks-unasked" not in codes(told)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_a_device_that_nobody_ever_asks_speaks_unasked(protocol: str) -> None:
+    def behind(talk: Conversation, cycle: int) -> None:
+        if cycle % 30 == 11:
+            talk.rest(3)
+            talk.say(talk.tongue.answer(9, 0.4))
+
+    told = robot(protocol, 10, behind=behind, goals=False).diagnosed()
+    assert verdicts(told.incidents()) == [("chatty-device", (9,))]
+
+
+def test_a_device_whose_requests_are_on_a_wire_that_is_not_heard_is_no_chatty_one() -> None:
+    talk = Conversation("mightyzap")
+    for cycle in range(200):
+        talk.until(cycle / 40)
+        talk.ask_in_vain(1, 2)
+        talk.say(talk.tongue.answer(9, swinging(9, talk.now_s)))
+    assert "speaks-unasked" not in codes(talk.diagnosed())
 
 
 def test_who_answers_a_request_that_the_tap_has_torn_does_not_speak_unasked() -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.owners import owner
-from tests.conversations import Conversation, robot, swinging, through_usb
+from sniffer.ground.model import Chunk, Clock
+from tests.conversations import MS, Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 
 if TYPE_CHECKING:
@@ -87,3 +88,53 @@ def test_two_servos_that_answer_twice_are_two() -> None:
 def test_stamps_of_a_host_that_holds_bytes_tell_no_owner() -> None:
     assert owner_of(late_answers("mightyzap", 2)) is not None
     assert owner_of(late_answers("mightyzap", 2), by_usb=True) is None
+
+
+def by_the_millisecond(talk: Conversation, late_us: int = 0) -> list[Chunk]:
+    """Return what is stamped once in a USB frame, up to ``late_us`` late."""
+    rng = random.Random(3)
+    stamps = [
+        -(-(chunk.t_ns or 0) // MS) * MS + rng.randint(0, late_us * 1000) for chunk in talk.chunks
+    ]
+    return [Chunk(c.data, t, Clock.FILE) for c, t in zip(talk.chunks, stamps, strict=True)]
+
+
+@pytest.mark.parametrize("late_us", [0, 60])
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_torn_answers_stamped_by_the_millisecond_are_those_of_the_servo_that_was_asked(
+    protocol: str, late_us: int
+) -> None:
+    rng = random.Random(5)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(rng.uniform(0.3, 0.6))
+        one, other = talk.tongue.answer(servo, place), talk.tongue.answer(servo, 0.9)
+        both = bytes(a & b for a, b in zip(one, other[1:] + b"\xff", strict=True))
+        talk.say(both if servo == 4 else one)
+        talk.rest(rng.uniform(0.6, 0.7))
+        return True
+
+    talk = robot(protocol, 12, servos=SERVOS, instead=instead, goals=False)
+    told = talk.diagnosed(by_the_millisecond(talk, late_us)).incidents()
+    assert {i.servo_ids for i in told} <= {(4,)}
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_a_second_answer_that_names_its_servo_is_that_ones_however_stamps_lie(
+    protocol: str,
+) -> None:
+    rng = random.Random(5)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.read(servo, 0.4)
+        if servo == 2:
+            talk.rest(rng.uniform(0, 0.9))
+            talk.say(talk.tongue.answer(servo, 0.5 + 0.01 * (cycle % 7)))
+            talk.rest(rng.uniform(0.2, 0.9))
+        return True
+
+    talk = robot(protocol, 8, servos=SERVOS, instead=instead, goals=False)
+    for chunks in (talk.chunks, by_the_millisecond(talk)):
+        assert verdicts(talk.diagnosed(chunks).incidents()) == [("duplicate-id", (2,))]

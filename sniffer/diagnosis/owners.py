@@ -23,6 +23,7 @@ import numpy as np
 
 from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.seconds import SecondAnswer
+from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import LATENCY_NS
@@ -69,8 +70,9 @@ class TornPlace(NamedTuple):
     """Torn bytes, or a second answer.
 
     ``servo_id`` is in whose exchange it stands, ``own_id`` whose torn answer it may simply be (-1);
-    ``is_little``: a stray byte, or a request some bits of which are wrong, is no second answer.
-    ``asked`` is how long the request is in whose answer it stands.
+    ``named``: whose answer it says it is (-1: it does not say). ``is_little``: a stray byte, or a
+    request some bits of which are wrong, is no second answer. ``asked`` is how long the request is
+    in whose answer it stands.
     """
 
     at: int
@@ -82,6 +84,7 @@ class TornPlace(NamedTuple):
     is_little: bool
     asked: int
     asked_before: tuple[RequestBefore, ...]
+    named: int = -1
 
     def is_elsewhere(self, servo_id: int) -> bool:
         """Tell whether it is no part of a servo's exchange, nor a few bytes at the end of it."""
@@ -127,10 +130,14 @@ def owner(case: Case) -> Owner | None:
 def _owner(case: Case) -> Owner | None:
     if not case.has_clock or case.latency_ns > LATENCY_NS[Clock.FILE]:
         return None  # a host that holds bytes back moves them by more than they vary
+    grid = grid_ns(case)
+    if grid > SPANS_NS[-1]:
+        return None  # so does one that stamps them by the millisecond
     traces = _traces(case)
     found = []
     for servo in case.servos:
-        by_begin, by_end = (_steadiest(servo, traces, is_by_end=e) for e in (False, True))
+        mine = [t for t in traces if t.named in (-1, servo)]
+        by_begin, by_end = (_steadiest(servo, mine, grid, is_by_end=e) for e in (False, True))
         better = max(by_begin, by_end, key=lambda o: o.score)
         own = sum(t.own_id == servo for t in better.traces)
         if 2 * own > len(better.traces):
@@ -164,7 +171,24 @@ def _traces(case: Case) -> Sequence[TornPlace]:
         if not _is_behind(d)
     ]
     whole = case.ledger.second_answers.kept
-    return [*torn, *_less_steady([*whole, *(_second(d, case.ledger.byte_ns) for d in behind)])]
+    bare = [_second(d, case.ledger.byte_ns) for d in behind]
+    unnamed = [*(s for s in whole if not _names(case, s)), *bare]
+    return [
+        *torn,
+        *(_named(s) for s in whole if _names(case, s)),
+        *_less_steady(unnamed, grid_ns(case)),
+    ]
+
+
+def _names(case: Case, s: SecondAnswer) -> bool:
+    """Tell whether a whole answer says whose it is, as one with a header does."""
+    return not case.protocol.ordered and s.length > 1
+
+
+def _named(s: SecondAnswer) -> TornPlace:
+    begins, ends = s.times[1]
+    own = s.servo_id
+    return TornPlace(s.at, s.length, own, begins, ends, -1, True, 0, s.asked_before, named=own)
 
 
 def _is_behind(d: Damage) -> bool:
@@ -180,7 +204,7 @@ def _second(d: Damage, byte_ns: int) -> SecondAnswer:
     return SecondAnswer(d.at, d.length, d.asked_id, times, d.asked_before)
 
 
-def _less_steady(pairs: Sequence[SecondAnswer]) -> Iterator[TornPlace]:
+def _less_steady(pairs: Sequence[SecondAnswer], grid: int) -> Iterator[TornPlace]:
     """Yield of every two answers to a request the one that is not the servo's own.
 
     That is the second, unless the first comes far less steadily behind the request: then it is
@@ -192,14 +216,14 @@ def _less_steady(pairs: Sequence[SecondAnswer]) -> Iterator[TornPlace]:
     for servo, some in by_servo.items():
         since = np.array([[t[1] - s.asked_before[0].t_ns for t in s.times] for s in some])
         varies = np.subtract(*np.quantile(since, (0.75, 0.25), axis=0))
-        is_own = bool(varies[0] > STEADIER * varies[1] + CLOCK_NS)
+        is_own = bool(varies[0] > STEADIER * varies[1] + max(CLOCK_NS, grid))
         for s in some:
             begins, ends = s.times[0 if is_own else 1]
             own = servo if is_own else -1
             yield TornPlace(s.at, s.length, servo, begins, ends, own, True, 0, s.asked_before)
 
 
-def _steadiest(servo: int, traces: Sequence[TornPlace], *, is_by_end: bool) -> Owner:
+def _steadiest(servo: int, traces: Sequence[TornPlace], grid: int, *, is_by_end: bool) -> Owner:
     """Return the span of time behind a servo's requests in which places are that chance puts not.
 
     Its own torn answers differ in length by what they answer: each length of request has its span.
@@ -212,7 +236,7 @@ def _steadiest(servo: int, traces: Sequence[TornPlace], *, is_by_end: bool) -> O
                 since = moment - asked.t_ns
                 if 0 < since <= LATEST_NS:
                     pairs.setdefault(t.asked if is_own else 0, []).append((since, k))
-    spans = [_thickest(some) for some in pairs.values() if len(some) >= LEAST]
+    spans = [_thickest(some, grid) for some in pairs.values() if len(some) >= LEAST]
     mine = sorted({k for span in spans for k in span.rows})
     return Owner(
         servo,
@@ -235,19 +259,23 @@ class _Span(NamedTuple):
     score: float
 
 
-def _thickest(pairs: Sequence[tuple[int, int]]) -> _Span:
-    """Return where times (with their rows) are thickest, with all that a servo's time may vary."""
+def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
+    """Return where times (with their rows) are thickest, with all that a servo's time may vary.
+
+    Moments on a grid are away from it by as much as it is wide: so much wider is each span.
+    """
     since, which = np.array(sorted(pairs), np.int64).T
+    spans = [span + grid for span in SPANS_NS]
     begins, ends, score = 0, 0, 0.0
-    for span in SPANS_NS:
+    for span in spans:
         last = np.searchsorted(since, since + span, "right")
         first = int(np.argmax(last - np.arange(len(since))))
         n = len(np.unique(which[first : last[first]]))
         told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
         if told > score:
             begins, ends, score = int(since[first]), int(since[last[first] - 1]), told
-    last = np.searchsorted(since, since + SPANS_NS[-1], "right")
-    around = np.flatnonzero((since <= begins) & (since + SPANS_NS[-1] >= ends))
+    last = np.searchsorted(since, since + spans[-1], "right")
+    around = np.flatnonzero((since <= begins) & (since + spans[-1] >= ends))
     if not len(around):
         return _Span(0, 0, (), 0.0)
     first = int(around[np.argmax((last - np.arange(len(since)))[around])])

@@ -19,6 +19,7 @@ from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
 from sniffer.diagnosis.owners import owner
+from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 
 if TYPE_CHECKING:
@@ -327,7 +328,7 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
     # steadily behind that one; else it is that request's
     others = [d for d in places if d.behind != RESPONSE]
     if others and not _steady(
-        [d.earlier_ns for d in others], [d.asked_ns for d in others], STEADILY
+        [d.earlier_ns for d in others], [d.asked_ns for d in others], STEADILY, grid_ns(case)
     ):
         places = [d for d in places if d.behind == RESPONSE]
         if len(places) < max(least, ALONE * (len(places) + len(others))):
@@ -349,18 +350,21 @@ def _late_twins(case: Case) -> Mapping[int, int]:
     for d in case.damages:
         if d.turn in (AT_TURN, IN_IDLE) and d.asked_ns >= 0 and d.earlier_ns >= 0:
             by_pair.setdefault((d.asked_id, d.earlier_id), []).append((d.asked_ns, d.earlier_ns))
-    out = {}
+    out, grid = {}, grid_ns(case)
     for (servo, earlier), delays in by_pair.items():
         if len(delays) < SOME or earlier not in case.servos or servo == earlier:
             continue
         own, theirs = zip(*delays, strict=True)
-        if _steady(theirs, own, STEADY):
+        if _steady(theirs, own, STEADY, grid):
             out[servo] = earlier
     return out
 
 
-def _steady(theirs: Sequence[int], own: Sequence[int], than: float) -> bool:
-    """Tell whether delays vary as little as a servo's, and so much less than others."""
+def _steady(theirs: Sequence[int], own: Sequence[int], than: float, grid: int) -> bool:
+    """Tell whether delays vary as little as a servo's, and so much less than others.
+
+    How little they vary within a step of the stamps' ``grid`` nobody knows.
+    """
     low, high = np.quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
     varies, other = (high - low).tolist()
-    return bool(min(theirs) >= 0 and varies <= min(than * other, JITTER_NS))
+    return bool(min(theirs) >= 0 and varies + grid <= min(than * other, JITTER_NS))

@@ -104,7 +104,7 @@ APART: Final = 10.0
 def bits(case: Case) -> Iterator[Finding]:
     """Tell whether misread bits are always the same, go one way, or follow their neighbour."""
     read = [m for m in case.misreads if m.shape == BITS_FEW and m.flips]
-    if len(read) < SAME:
+    if len(read) < SAME or _at_the_turn(read):
         return
     singles = [m.flips[0] for m in read if len(m.flips) == 1]
     every = [m.flips[0] for m in read]  # what befell one byte is one event
@@ -131,6 +131,15 @@ def bits(case: Case) -> Iterator[Finding]:
             "edges come late",
             sureness(at_least(lags, len(known), 0.5) * chance, CHANCE),
         )
+
+
+def _at_the_turn(read: Sequence[Misread]) -> bool:
+    """Tell whether it is the first byte of answers that is misread, and no other.
+
+    A driver that lets go late alters it in one way, too.
+    """
+    front = sum(m.damage.turn == IN_REPLY and set(m.bytes_hit) == {0} for m in read)
+    return front >= PURE_WAY * len(read)
 
 
 def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Finding]:

@@ -43,7 +43,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -73,6 +73,11 @@ RECENT_NS: Final = 10 * NS
 SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 """Alarms that a supply which sags raises in all servos that hang on it."""
 
+TORN: Final = 40
+BY_CHANCE: Final = 0.2
+"""Torn places among which one may hold by chance (a sum of eight bits lets one in 256 pass, and each is
+framed from several bytes on), and how much an alarm counts there that is said once and taken back."""
+
 MOMENT_NS: Final = NS
 """Servos are asked one after the other."""
 
@@ -92,6 +97,9 @@ SIGN: Final = 2
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
+
+USUALLY: Final = 0.5
+"""Part of the requests that are answered where the tap hears both sides."""
 
 CHANCE: Final = 0.02
 """Where frames are damaged, all answers without a request are of one servo for so rare a chance."""
@@ -123,10 +131,23 @@ def complaints(case: Case) -> Iterator[Finding]:
                 count,
                 f"servo {servo} reports {words} {when}{before}",
                 case.places(case.anomalies(code, servo_id=servo), f"servo {servo}: {words}", 2),
-                strength=0.8 if count == 1 else 1.0,
+                strength=_sure(case, servo, count, first),
                 brief=_BRIEF.get(code, f"servo {{}} reports {words}").format(servo),
                 episodes=spans,
             )
+
+
+def _sure(case: Case, servo: int, count: int, t_ns: int) -> float:
+    """Return how sure it is that a servo said so.
+
+    Of frames that are torn some hold by chance, and say anything: once, and not in the next answer.
+    """
+    if count > 1:
+        return 1.0
+    back = case.anomalies("device-recovered", servo_id=servo).t_ns
+    is_moment = bool(((back >= t_ns) & (back <= t_ns + MOMENT_NS)).any())
+    is_torn = int(case.damage["n"].sum()) >= TORN
+    return BY_CHANCE if is_moment and is_torn else 0.8
 
 
 def _commanded(case: Case, servo: int, t_ns: int) -> str:
@@ -164,7 +185,7 @@ def chatty(case: Case) -> Iterator[Finding]:
             continue
         if torn > n and (others or share ** (n - 1) > CHANCE):
             continue
-        if servo < 0 or not case.total("ok", servo):
+        if servo < 0 or not (case.total("ok", servo) or _is_stranger(case, servo)):
             continue
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         if not len(told):
@@ -207,13 +228,24 @@ def chatty(case: Case) -> Iterator[Finding]:
             )
 
 
+def _is_stranger(case: Case, servo: int) -> bool:
+    """Tell whether nobody ever asks a device, and those who are asked answer.
+
+    Where hardly anybody answers what is heard, requests may be on a wire that is not.
+    """
+    answered, asked = case.total("ok"), case.total("asked")
+    return not case.total("asked", servo) and answered >= max(UNASKED, USUALLY * asked)
+
+
 def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     """Return by servo what begins as its answers where nobody is asked, and is torn by a request."""
     begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     signs = {}
     for servo, own in begins.items():
         others = [other for s, other in begins.items() if s != servo]
-        signs[servo] = own[: telling(own, [*others, *requests])]
+        sign = own[: telling(own, [*others, *requests])]
+        # answers of two lengths have in common only what a request to the servo begins with, too
+        signs[servo] = b"" if any(q.startswith(sign) for q in requests) else sign
     torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
     return {
         servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]

@@ -60,7 +60,7 @@ def ends(case: Case) -> Iterator[Finding]:
         m
         for m in answers
         if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
-        if m.shape == FRONT or (_hit(m) and max(m.bytes_hit) <= 1) or m.damage.at in late
+        if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
     ]
     if _mostly(first, answers):
         yield bits_finding(
@@ -125,6 +125,14 @@ def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
     """Tell whether most of the torn frames of which one knows where they are torn are these."""
     known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
     return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
+
+
+def _hit_in_front(m: Misread) -> bool:
+    """Tell whether the first byte is wrong, and the second at most beside it.
+
+    What is there when the direction changes hits the one before the other.
+    """
+    return _hit(m) and min(m.bytes_hit) == 0 and max(m.bytes_hit) <= 1
 
 
 def _hit(m: Misread) -> bool:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
+from sniffer.ground.codes import REQUEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -75,6 +77,9 @@ PART: Final = 0.3
 BARE: Final = 2
 """Bytes of an answer that has no header (wCK)."""
 
+TURN: Final = 1e-2
+"""How likely it is by chance that all stand behind requests, where they are hit there."""
+
 
 def torn_requests(case: Case) -> Iterator[Finding]:
     """Requests that lack bytes, and what servos say to them."""
@@ -91,6 +96,8 @@ def torn_requests(case: Case) -> Iterator[Finding]:
         else:
             altered += any(is_altered(d.got, whole) for whole in known)
     torn = sum(d.turn == IN_REQUEST for d in case.damages)
+    if only_at_the_turn(case, short):
+        return
     # A controller that breaks off leaves beginnings alone; a hole ends wherever it likes.
     is_cut_by_tap = any(not _is_begun(d.got, known) for d in short)
     if is_cut_by_tap and len(short) >= max(LEAST, SOME * torn, MOST * (len(short) + altered)):
@@ -109,6 +116,17 @@ def torn_requests(case: Case) -> Iterator[Finding]:
             "had them whole",
             "it was answered all the same",
         )
+
+
+def only_at_the_turn(case: Case, torn: Sequence[Damage]) -> bool:
+    """Tell whether torn requests stand behind requests only, though most sound ones do not.
+
+    A hole may be anywhere. What begins behind a request and lasts too long, a driver that does not
+    let go, cuts whatever comes next: answers, and the request behind one that nobody answers.
+    """
+    behind = sum(d.behind == REQUEST for d in torn)
+    usual = 1 - case.total("ok") / max(int(case.traffic["requests"].sum()), 1)
+    return 0 < behind == len(torn) and at_least(behind, behind, max(usual, 0.0)) < TURN
 
 
 def headless(case: Case) -> Iterator[Finding]:

@@ -37,6 +37,12 @@ FINDINGS: Final = (
         "ones that begin as that of the servo asked right before, whose own place is empty.",
     ),
     FindingCode(
+        "gives-up-early",
+        "controller",
+        "The controller goes on after one time without an answer, and answers come behind that.",
+        "Whole answers behind the next request, one in fifty and more, and twenty requests without one: the median wait of both is the same, 1.5 ms at least, and varies by no more than a quarter and what the stamps leave open.",
+    ),
+    FindingCode(
         "retry-storm",
         "controller",
         "A request that is not answered is said many times in a row, and the others wait.",
@@ -66,6 +72,9 @@ pass has waited."""
 
 HABIT: Final = 20
 """Requests of a kind that show whether it is asked together with others by plan."""
+
+ONE_TIME: Final = 0.25
+"""Part of a time by which it may vary and be one: a timeout, and what a program does beside."""
 
 PART_TORN: Final = 0.2
 """Share of failed exchanges that show a cause; what fewer show may look so by chance."""
@@ -178,6 +187,39 @@ def after_next(case: Case) -> Iterator[Finding]:
         )
 
 
+def gives_up(case: Case) -> Iterator[Finding]:
+    """A controller that goes on after one time whatever does not come, and answers that exceed it.
+
+    What comes whole behind the next request, and what never does, were waited for equally long:
+    another controller's requests would come after any time, and who asks several at once by plan
+    lets no answer fail.
+    """
+    exchanges = case.ledger.exchanges
+    failed = [f for f in exchanges.failed if f.outcome == NO_RESPONSE]
+    waited = exchanges.hurried.at(0, 0.5)
+    n = exchanges.in_flight - exchanges.overlaps
+    if not case.has_clock or waited is None or len(failed) < HABIT or n <= PIPED * case.total("ok"):
+        return
+    low, middle, high = np.quantile([f.wait_ns for f in failed], (0.1, 0.5, 0.9)).tolist()
+    unsure = float(np.median([f.unsure_ns for f in failed]))
+    vary = ONE_TIME * middle + unsure
+    is_one = high - low <= vary and abs(waited.low - middle) <= vary and 2 * unsure <= middle
+    if not is_one or middle - case.latency_ns < WAITED_NS:
+        return
+    yield Finding(
+        "gives-up-early",
+        None,
+        failed[0].t_ns,
+        failed[-1].t_ns,
+        n,
+        f"{n} answers come behind the next request, and as long as those requests waited, "
+        f"{middle / MS:.1f} ms, waited {len(failed)} without an answer",
+        tuple(Place(f.at, f.length, f.t_ns, "the next request comes then") for f in failed[:3]),
+        strength=min(0.5 + n / 50, 1.0),
+        brief=f"the controller waits {middle / MS:.1f} ms, and answers come later",
+    )
+
+
 def belated(case: Case) -> Iterator[Finding]:
     """Answers in the place of the next one's, to a controller that did not wait for them."""
     waits = case.ledger.exchanges.waited()
@@ -275,5 +317,13 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (hasty, hurried, after_next, belated, retry_storms, absent_costs)
+RULES: Final[tuple[Rule, ...]] = (
+    hasty,
+    hurried,
+    after_next,
+    gives_up,
+    belated,
+    retry_storms,
+    absent_costs,
+)
 """The rules of this area."""

@@ -14,6 +14,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import HELD, IN_REPLY, REST
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.losses import only_at_the_turn
 from sniffer.diagnosis.twins import torn_answers
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     if len(torn) < LEAST or not requests:
         return
     if case.protocol.checksum_of(requests[0]) is None:
-        yield from _line_ends(torn, requests, said)
+        yield from _line_ends(case, torn, requests, said)
         return
     # what ends as a request in the place of an answer was said into it
     alone = [d for d in torn if d.turn != IN_REPLY]
@@ -108,6 +109,8 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
         return
     if chance > SOME or lacks > ALIKE * len(found):
         return
+    if only_at_the_turn(case, [d for d, _ in of_requests.values()]):
+        return
     shown = [found[at][0] for at in sorted(found)]
     what = (
         f"{len(shown)} of {len(torn)} pieces ({len(of_requests)} of requests) lack nothing but bytes "
@@ -117,7 +120,7 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
 
 
 def _line_ends(
-    torn: Sequence[Damage], requests: Sequence[bytes], answers: Sequence[bytes]
+    case: Case, torn: Sequence[Damage], requests: Sequence[bytes], answers: Sequence[bytes]
 ) -> Iterator[Finding]:
     """Yield the same of lines of text, which have no checksum: ends of them, and of nothing else."""
     signs = set(b"".join((*requests, *answers)))
@@ -127,6 +130,9 @@ def _line_ends(
     short = [d for d in torn if d.length <= ENDS and d.got[0] not in begins]
     pure = [d for d in short if d.got[-1] == end and set(d.got) <= signs]
     chance = at_least(len(pure), len(short), BY_NOISE)
+    whole = [bytes((begin,)) + d.got for d in pure for begin in sorted(begins)]
+    if sum(held(case.protocol, whole, [len(line) for line in whole])) > ALIKE * len(pure):
+        return
     if len(pure) >= LEAST and chance <= SOME:
         what = f"{len(pure)} of {len(short)} short pieces are the ends of lines, in sound signs"
         yield _told(pure, what, chance)

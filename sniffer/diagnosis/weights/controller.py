@@ -68,6 +68,7 @@ WEIGHTS: Final = (
         ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-spoken-into", 2.5, "answers begin well, and somebody speaks into them"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
+        ("gives-up-early", 3.0, "it gives up after a time that answers exceed"),
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
         ("no-response", 0.5, "answers are lost among requests"),

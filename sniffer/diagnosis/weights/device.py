@@ -88,7 +88,7 @@ WEIGHTS: Final = (
         ("device-recovered", 0.1, "it forgets what it complained of"),
         ("damage-one-servo", -1.5, "its answers are damaged, not only missing"),
         ("torn-when-away", -2.0, "it leaves within answers, as a contact has it"),
-        ("others-away-too", -3.0, "another servo is away with it"),
+        ("others-away-too", -5.0, "another servo is away with it: two do not start anew together"),
         ("one-question-unanswered", -3.0, "who restarts answers no question meanwhile"),
         ("outages-evenly", 1.2, "it goes away at even times, as restarts come"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),

@@ -14,6 +14,7 @@ _LOST_HERE: Final = (
     ("answered-though-torn", -3.0, "on the line the requests were whole"),
     ("goes-on-unanswered", -2.5, "the controller got the answers that are missing here"),
     ("pieces-complete", -3.5, "pieces of frames are as they were sent: noise alters them"),
+    ("frames-spliced", -3.5, "what is left of frames is as it was sent, and lacks bytes"),
 )
 """What speaks against a fault of line or servo: the tap lost what is missing."""
 
@@ -45,6 +46,7 @@ WEIGHTS: Final = (
         ("goes-on-unanswered", 3.0, "the controller got the answers that are missing here"),
         ("requests-missing", 1.2, "requests are missing from the controller's order"),
         ("pieces-complete", 4.0, "pieces are as they were sent, but for bytes that are missing"),
+        ("frames-spliced", 3.5, "frames are joined as they were sent, without what is between"),
         ("headless-frames", 2.5, "ends of frames stand without their beginnings"),
         ("requests-torn-short", 3.0, "requests lack bytes, which only the tap can have lost"),
         ("answered-though-torn", 3.0, "servos answer requests that are torn here"),
@@ -159,6 +161,7 @@ WEIGHTS: Final = (
         "two-masters",
         ("answered-though-torn", -5.0, "servos do not answer what ran together"),
         ("headless-frames", -2.0, "pieces stand alone, nobody spoke beside them"),
+        ("frames-spliced", -1.5, "what runs together is altered where it does"),
         ("bytes-lost", -1.5, "the tap's driver counted losses"),
         ("adapter-echo", -2.0, "the adapter hears what it sends"),
         ("pieces-complete", -1.5, "what runs together is altered where it does"),

@@ -98,6 +98,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             "two clocks drift through each other, and frames are torn as they meet",
         ),
         ("requests-spoken-into", 2.0, "somebody speaks into requests, and servos do not"),
+        ("gives-up-early", -2.0, "another one's requests come after any time"),
         ("damage-in-answers", 0.3, "answers are spoken into"),
         ("last-byte-torn", 0.1, "another request begins within the last byte"),
         ("one-way-bits", 0.1, "who pulls low wins"),

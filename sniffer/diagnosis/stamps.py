@@ -1,0 +1,51 @@
+"""On which grid the stamps of a capture lie: what is steadier than the grid cannot be told by them.
+
+An adapter hands bytes over once in a USB frame, and a logger writes so many digits. Two moments on
+a grid of a millisecond are whole milliseconds apart, whatever the servo did in between: its time to
+answer looks as if it never varied, and so does everybody else's.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.case import Case
+    from sniffer.ground.model import I64
+
+GRIDS_NS: Final = (1_000_000, 100_000, 10_000)
+"""The frame of a full-speed USB host, and the decimal places that loggers write."""
+
+LEAST: Final = 8
+"""Differences from which on a grid shows."""
+
+NEAR: Final = 0.1
+"""By which part of the grid's width a difference may be beside it: a busy host stamps late."""
+
+SHARE: Final = 0.8
+"""Part of the differences that must lie on a grid: by chance it is twice ``NEAR``, a fifth."""
+
+
+def grid_ns(case: Case) -> int:
+    """Return the width of the grid on which requests are stamped; 0: none is seen."""
+    return case.once(_grid)
+
+
+def _grid(case: Case) -> int:
+    seconds = case.ledger.second_answers.kept
+    places = (*(d.asked_before for d in case.damages), *(s.asked_before for s in seconds))
+    moments = [np.array([asked.t_ns for asked in some], np.int64) for some in places]
+    return grid_of(np.concatenate([np.diff(m) for m in moments] or [np.zeros(0, np.int64)]))
+
+
+def grid_of(differences: I64) -> int:
+    """Return the widest grid on which differences of moments lie."""
+    if len(differences) < LEAST:
+        return 0
+    for grid in GRIDS_NS:
+        beside = np.abs((differences + grid // 2) % grid - grid // 2)
+        if float((beside <= NEAR * grid).mean()) >= SHARE:
+            return grid
+    return 0

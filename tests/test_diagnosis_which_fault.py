@@ -1,0 +1,236 @@
+"""Faults that look alike at first sight: what of the evidence only one of them leaves."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.ground.model import Chunk
+from tests.conversations import Conversation, robot, swinging
+from tests.diagnosed import codes, found, verdicts
+from tests.streams import mightyzap, rs30x
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SERVOS = (1, 2, 3, 4)
+
+
+def torn_answers(
+    protocol: str, tear: Callable[[random.Random, bytes], bytes], *, share: float
+) -> Conversation:
+    """Return a robot of which a share of the answers is altered by ``tear``."""
+    rng = random.Random(7)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(rng.uniform(0.3, 0.5))
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        talk.say(tear(rng, answer) if rng.random() < share else answer)
+        talk.rest(rng.uniform(0.4, 1.0))
+        return True
+
+    return robot(protocol, 12, servos=SERVOS, instead=instead, goals=False)
+
+
+# -------------------------------------------------------------------------- the turn, or the signal
+
+
+def test_a_first_byte_that_is_misread_in_one_way_is_torn_at_the_turn_and_no_weak_signal() -> None:
+    talk = torn_answers(
+        "mightyzap",
+        lambda rng, answer: bytes((rng.choice((0xFE, 0xFC, 0xF8)),)) + answer[1:],
+        share=0.25,
+    )
+    told = talk.diagnosed()
+    assert verdicts(told.incidents()) == [("turnaround", ())]
+    assert not {"late-edges", "one-way-bits", "same-bit"} & codes(told)
+
+
+def test_a_bit_that_falls_in_the_second_byte_and_others_is_a_weak_signal_and_no_turn() -> None:
+    talk = torn_answers(
+        "rs30x",
+        lambda rng, answer: bytes(
+            b & ~0x40 if b & 0x60 == 0x40 and rng.random() < 0.5 else b for b in answer
+        ),
+        share=0.3,
+    )
+    told = talk.diagnosed()
+    assert verdicts(told.incidents()) == [("signal-integrity", ())]
+    assert "first-byte-torn" not in codes(told)
+
+
+def test_lines_that_lack_their_first_sign_were_cut_at_the_turn_and_not_by_the_tap() -> None:
+    talk = Conversation("lss")
+    rng = random.Random(3)
+    for cycle in range(1200):
+        talk.until(cycle / 60)
+        servo = SERVOS[cycle % 3]
+        short = cycle % 2
+        talk.say(b"#%dQ\r" % servo if short else talk.tongue.ask(servo))
+        talk.rest(rng.uniform(0.3, 0.5))
+        place = swinging(servo, talk.now_s)
+        answer = b"*%dQ6\r" % servo if short else talk.tongue.answer(servo, place)
+        talk.say(answer[1:] if rng.random() < 0.2 else answer)
+    told = talk.diagnosed()
+    assert verdicts(told.incidents()) == [("turnaround", ())]
+    assert "pieces-complete" not in codes(told)
+
+
+def test_what_is_cut_behind_requests_only_was_not_lost_by_the_tap() -> None:
+    """A driver that lets go late cuts answers, and the request behind one that nobody answers."""
+    rng = random.Random(11)
+    talk = Conversation("rs30x")
+    for cycle in range(500):
+        talk.until(cycle / 40)
+        held = rng.random() < 0.2
+        for servo in (1, 2):
+            talk.say(talk.tongue.goal(servo, swinging(servo, talk.now_s)))
+            talk.rest(0.2)
+            cut = rng.randint(1, 4) if held and servo == 1 else 0
+            talk.say(talk.tongue.ask(servo)[cut:])
+            if cut:
+                talk.rest(3)
+                continue
+            talk.rest(0.3)
+            cut = rng.randint(1, 3) if rng.random() < 0.15 else 0
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s))[cut:])
+            talk.rest(0.5)
+    told = talk.diagnosed()
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["turnaround"]
+    assert not {"pieces-complete", "requests-torn-short"} & codes(told)
+
+
+# ----------------------------------------------------------------------------- restarts, or a cable
+
+
+def test_servos_that_are_away_together_at_even_times_hang_on_one_contact() -> None:
+    rng = random.Random(2)
+    spells = [(3 + 3.7 * k, 3 + 3.7 * k + rng.uniform(0.2, 0.45)) for k in range(9)]
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        away = any(a <= talk.now_s < b for a, b in spells)
+        if away and servo >= 3:
+            talk.ask_in_vain(servo, 5)
+        return away and servo >= 3
+
+    talk = robot("wck", 38, servos=(0, 1, 2, 3, 4, 5, 6), rate_hz=15, instead=instead, goals=False)
+    assert verdicts(talk.diagnosed().incidents()) == [("bad-cable", (3, 4, 5, 6))]
+
+
+# ------------------------------------------------------------------------------- said, or by chance
+
+
+@pytest.mark.parametrize("torn", [60, 0])
+def test_an_alarm_of_one_answer_counts_little_where_many_frames_are_torn(torn: int) -> None:
+    rng = random.Random(4)
+    hits = set(rng.sample(range(20, 900), torn))
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = round(swinging(servo, talk.now_s) * 4095).to_bytes(2, "little")
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        answer = mightyzap.packet(servo, 0x04 if (cycle, servo) == (150, 2) else 0, place)
+        k = rng.randrange(len(answer))
+        hit = cycle * 3 + servo in hits
+        talk.say(answer[:k] + bytes((answer[k] ^ 0x5A * hit,)) + answer[k + 1 :])
+        talk.rest(0.4)
+        return True
+
+    told = robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
+    causes = [cause for cause, _ in verdicts(told.incidents())]
+    assert ("overheat" in causes) == (not torn)
+
+
+# ------------------------------------------------------------ who does not wait, or two controllers
+
+
+def late_for_everybody(*, second: bool) -> Conversation:
+    """Answers come too late for a controller that gives up after 2.5 ms, or that is disturbed."""
+    rng = random.Random(9)
+    talk = Conversation("lss")
+    for cycle in range(2400):
+        servo, after = SERVOS[cycle % 4], SERVOS[(cycle + 1) % 4]
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        asked, answer = talk.now_s, talk.tongue.answer(servo, place)
+        if rng.random() < 0.1:
+            talk.until(asked + (rng.uniform(0.2, 9) if second else 2.5) / 1e3)
+            talk.say(talk.tongue.ask(after))
+            talk.rest(0.3)
+            theirs = talk.tongue.answer(after, swinging(after, talk.now_s))
+            k = rng.randint(1, 4)
+            both = theirs[:k] + bytes(a & b for a, b in zip(answer, theirs[k:], strict=False))
+            if rng.random() < 0.6:
+                talk.say(both)
+                talk.rest(2.5)
+            else:
+                talk.say(answer)
+                talk.rest(0.2)
+                talk.say(theirs)
+                talk.rest(0.3)
+        else:
+            talk.rest(rng.uniform(0.3, 0.8))
+            talk.say(answer)
+            talk.rest(rng.uniform(0.2, 0.4))
+    return talk
+
+
+def test_a_controller_that_gives_up_after_one_time_that_answers_exceed_is_impatient() -> None:
+    told = late_for_everybody(second=False).diagnosed()
+    assert verdicts(told.incidents())[0] == ("impatient-controller", ())
+    gives_up = [f.what for f in found(told) if f.code == "gives-up-early"]
+    assert len(gives_up) == 1
+    assert "2.5 ms" in gives_up[0]
+
+
+def test_requests_that_come_after_any_time_show_no_timeout() -> None:
+    assert "gives-up-early" not in codes(late_for_everybody(second=True).diagnosed())
+
+
+# ------------------------------------------------------------------------------- holes, or noise
+
+
+def long_answer(protocol: str, servo: int, s: float) -> bytes:
+    """Return an answer that states all a servo measures: most of it varies, some never does."""
+    place = round(swinging(servo, s) * 1000).to_bytes(2, "little")
+    load = round(90 + 80 * swinging(servo, 1.7 * s)).to_bytes(2, "little")
+    if protocol == "rs30x":
+        return rs30x.returned(
+            servo, 0x2A, place + b"\0\0" + load + place + b"\x1f\0\xd2\x02" + bytes(6)
+        )
+    return mightyzap.packet(servo, 0, place + b"\0\0\xff\x03" + place + load + load + b"\x78\x21")
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@pytest.mark.parametrize("fault", ["tap-loss", "bus-noise"])
+def test_what_few_holes_join_is_told_from_what_noise_alters(protocol: str, fault: str) -> None:
+    """Holes of 4 to 24 bytes in the stream, or as many bytes altered."""
+    rng = random.Random(6)
+    talk = Conversation(protocol)
+    for cycle in range(4000):
+        talk.until(cycle / 200)
+        servo = SERVOS[cycle % 4]
+        if protocol == "rs30x":
+            talk.say(rs30x.packet(servo, 0x0F, 0x2A, 18, 0))
+        else:
+            talk.say(mightyzap.packet(servo, 0xF2, b"\x86\x0e"))
+        talk.rest(0.3)
+        talk.say(long_answer(protocol, servo, talk.now_s))
+    chunks, left = [], 0
+    for chunk in talk.chunks:
+        data, begin = bytearray(chunk.data), 0
+        if fault == "bus-noise":
+            if rng.random() < 0.0002 * len(data):
+                data[rng.randrange(len(data))] ^= rng.randint(1, 255)
+        elif not left and rng.random() < 0.0002 * len(data):
+            left, begin = rng.randint(4, 24), rng.randrange(len(data))
+        n = min(left, len(data) - begin)
+        del data[begin : begin + n]
+        left -= n
+        chunks.append(Chunk(bytes(data), chunk.t_ns, chunk.clock))
+    told = talk.diagnosed([chunk for chunk in chunks if chunk.data])
+    assert verdicts(told.incidents()) == [(fault, ())]
+    assert ("frames-spliced" in codes(told)) == (fault == "tap-loss")
