@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,7 +23,6 @@ from sniffer.inside.panes import figures_text
 from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
 from sniffer.inside.search import Search
-from sniffer.inside.sieve import WordSieve
 from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
@@ -255,28 +253,6 @@ def test_a_search_looks_at_what_the_lines_show(path: Path, exchanges: bool) -> N
     texts = SearchedTexts(index, exchanges=exchanges)
     told = [text for at in range(0, len(shown), 300) for text in texts.of(shown[at : at + 300])]
     assert told == [f"{w.op} {w.values} {w.verdict}" for w in words]
-    index.discard()
-
-
-@pytest.mark.parametrize("exchanges", [False, True])
-@pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
-def test_no_line_that_holds_a_text_is_passed_over(path: Path, exchanges: bool) -> None:
-    index = indexed(path)
-    view = LineView(index)
-    view.choose(None, exchanges=exchanges)
-    shown = judged(view).shown()
-    texts = SearchedTexts(index, exchanges=exchanges).of(shown)
-    draw = random.Random(path.name)
-    for _ in range(25):
-        text = draw.choice(texts)
-        begin = draw.randrange(len(text))
-        wanted = text[begin : begin + draw.choice((1, 2, 3, 5, 8, 20, 60))].strip()
-        holds = [wanted.lower() in told.lower() for told in texts]
-        sieve = WordSieve(index, wanted, exchanges=exchanges)
-        at = len(shown) // 3
-        may = np.concatenate([sieve.may(shown[:at]), sieve.may(shown[at:])])
-        assert may[holds].all(), wanted
-    assert not WordSieve(index, "nowhere", exchanges=exchanges).may(shown).any()
     index.discard()
 
 
