@@ -147,6 +147,7 @@ def test_a_level_that_is_not_reached_does_not_fail(tmp_path: Path, capsys: Capsy
         ("folder.jsonl", "is a directory: give a file name"),
         ("x.xml", "the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd"),
         ("x", "the suffix must be one of"),
+        ("x.mpac", ".hex: did you mean .mcap?"),
         ("good.jsonl", "is the input: choose another output"),
         ("link.jsonl", "is the input: choose another output"),
     ],

@@ -26,7 +26,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.mightyzap.grammar import FAMILY
 from sniffer.protocols.packets import NEVER, Command, Member
-from sniffer.sinks import kept, pieced
+from sniffer.sinks import kept, pieced, words
 from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
 from sniffer.sinks.words import FrameWords, values_in_words
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch
+    from sniffer.protocols.base import BusProtocol
     from sniffer.testing import Talk
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
@@ -139,6 +140,24 @@ def hold(decoder: Decoder | MixedDecoder, chunks: Sequence[Chunk], seed: int) ->
                 values_in_words(protocol, batch, i, range(edges[i], edges[i + 1])) for i in rows
             ]
             assert list(FrameWords.of(protocol).told(batch, rows)) == each
+
+
+def test_frames_that_state_nothing_are_put_in_words_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+
+    def counted(protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
+        made.append(i)
+        return values_in_words(protocol, batch, i, values)
+
+    monkeypatch.setattr(words, "values_in_words", counted)
+    protocol = PROTOCOLS["lss"]
+    decoder = Decoder(protocol)
+    decoder.feed(Chunk(b"#5QD\r" * 50))
+    batch = decoder.close()
+    told = FrameWords(protocol).told(batch, range(len(batch.frames)))
+    assert list(told) == [""] * len(batch.frames)
+    assert len(batch.frames) > 40
+    assert len(made) == 1
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -159,6 +159,8 @@ def test_keys_go_through_a_capture_and_take_it_apart(tmp_path: Path) -> None:
         assert {row.split()[1] for row in glass.rows if row.strip()} <= {"3", "> load_data"}
         await glass.ask("f", "foo=3")
         assert "nothing is called 'foo'" in glass.text(app.status)
+        await glass.ask("f", "sevro=3")
+        assert "did you mean servo?" in glass.text(app.status)
         await glass.ask("f", "")
         await glass.ask("slash", "speed -202")
         assert "position 11.22" in glass.current

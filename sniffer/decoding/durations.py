@@ -107,11 +107,15 @@ class Quantiles:
         return least, most
 
     def longest(self) -> Bounds | None:
-        """Return the longest duration, as exact as the stamps are; None: no one.
-
-        ``at(1)`` is the edge of its bin, which the summary of ``decode`` tells beside the others.
-        """
+        """Return the longest duration, as exact as the stamps are; None: no one."""
         return Bounds(*self._most) if self.count else None
+
+    def figure(self, share: float) -> Bounds | None:
+        """Return a figure as people are told it: the longest is exact, all others are to 2 %.
+
+        JSON lines have all of them by ``at``, which tells of the longest the edge of its bin.
+        """
+        return self.longest() if share >= 1 else self.at(share)
 
     def at(self, share: float) -> Bounds | None:
         """Return the duration that ``share`` of all stay below; None: no one.

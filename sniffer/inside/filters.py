@@ -11,6 +11,7 @@ import numpy as np
 from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import KINDS, OUTCOMES
 from sniffer.ground.model import InputError, Severity
+from sniffer.ground.wording import nearly, offered
 from sniffer.inside.selecting import SelectionFilter
 from sniffer.selection.columns import TABLES
 
@@ -122,13 +123,13 @@ def completed(text: str, known: dict[str, list[str]]) -> str | None:
 
 def _word(key: str, sign: str, value: str) -> FilterWord:
     if key not in WORDS:
-        raise InputError(f"nothing is called {key[:40]!r}: one of {', '.join(WORDS)}")
+        raise InputError(f"nothing is called {key[:40]!r}: {offered(key[:40], WORDS)}")
     named = tuple(part for part in value.split(",") if part)
     known = {"kind": KIND_NAMES, "outcome": OUTCOMES, "severity": SEVERITIES, "code": CODES}
     for name in named:
         if key in known and name.replace("-", "_") not in {k.replace("-", "_") for k in known[key]}:
-            some = ", ".join(known[key][:8])
-            raise InputError(f"{key} {name[:40]!r} is not known: one of {some}")
+            near = nearly(name[:40], known[key]) or f": one of {', '.join(known[key][:8])}"
+            raise InputError(f"{key} {name[:40]!r} is not known{near}")
         if key == "servo" and not name.isdigit():
             raise InputError(f"servo {name[:40]!r} is no id: write servo=3,5")
     return FilterWord(key, named, sign == "!=")

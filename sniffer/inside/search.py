@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.inside.sieve import WordSieve
 from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import SLICE_S
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sniffer.ground.model import I64, Batch, Mask
     from sniffer.inside.view import LineView
 
@@ -19,7 +22,7 @@ STRETCH: Final = 1 << 13
 """Lines whose bytes are looked through at once."""
 
 WORDS: Final = 1 << 9
-"""Lines whose words are looked through at once: some 2 ms."""
+"""Lines that are put in words at once: some 2 ms."""
 
 _HEX: Final = re.compile(r"(?:[0-9A-Fa-f]{2}[ ,]*)*[0-9A-Fa-f]{2}")
 
@@ -35,31 +38,44 @@ class Search:
         self.text = text.strip()
         self.done = 0.0
         self._view = view
-        self._count = max(view.count, 1)
-        self._looked = 0
         is_hex = _HEX.fullmatch(self.text) is not None
         self._bytes = bytes.fromhex(re.sub("[ ,]", "", self.text)) if is_hex else b""
-        self._texts: SearchedTexts | None = None
-        if len(self._bytes) < 2:  # one byte may be a word: ad
-            self._texts = SearchedTexts(view.index, exchanges=view.exchanges)
         self._word = self.text.lower()
-        self._stretches = view.after(position, WORDS if self._texts else STRETCH)
+        self._found = self._looking(position)
 
     def steps(self, slice_s: float = SLICE_S) -> int | None:
         """Look for a while; return the position found, -1 for none, None: there is more to do."""
         until = time.monotonic() + slice_s
-        for stretch in self._stretches:
-            numbers = self._view.numbers(stretch)
-            held = self._held(numbers) if self._bytes else np.zeros(len(numbers), bool)
-            if self._texts is not None:
-                held |= [self._word in text.lower() for text in self._texts.of(numbers)]
-            if held.any():
-                return stretch.start + int(np.argmax(held))
-            self._looked += len(stretch)
+        for found in self._found:
+            if found is not None:
+                return found
             if time.monotonic() >= until:
-                self.done = min(self._looked / self._count, 1.0)
                 return None
         return -1
+
+    def _looking(self, position: int) -> Iterator[int | None]:
+        """Yield None whenever some lines were looked at, and what was found in the end."""
+        view, looked = self._view, 0
+        texts = sieve = None
+        if len(self._bytes) < 2:  # one byte may be a word: ad
+            texts = SearchedTexts(view.index, exchanges=view.exchanges)
+            sieve = WordSieve(view.index, self.text, exchanges=view.exchanges)
+        for stretch in view.after(position, STRETCH):
+            numbers = view.numbers(stretch)
+            held = self._held(numbers) if self._bytes else np.zeros(len(numbers), bool)
+            likely = np.flatnonzero(held if sieve is None else held | sieve.may(numbers))
+            for at in range(0, len(likely), WORDS):
+                some = likely[at : at + WORDS]
+                found = held[some]
+                if texts is not None:
+                    found |= [self._word in text.lower() for text in texts.of(numbers[some])]
+                if found.any():
+                    yield stretch.start + int(some[np.argmax(found)])
+                    return
+                yield None
+            looked += len(stretch)
+            self.done = min(looked / max(view.count, 1), 1.0)
+            yield None
 
     def _held(self, numbers: I64) -> Mask:
         """Tell which lines hold the bytes; of an exchange, in one of its halves."""

@@ -80,7 +80,7 @@ def histogram(title: str, times: Quantiles, scale: TimeScale) -> Markup:
     )
     rows = []
     for name, share in FIGURES.items():
-        bounds = times.at(share)
+        bounds = times.figure(share)
         if bounds is None:
             continue
         left, right = scale.share(bounds.low), scale.share(bounds.high)

@@ -196,7 +196,7 @@ def _response_time(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
         known = heard.collector.lanes[lane]
         totals = heard.summary.buses[known.bus]
         times = totals.parts.get(known.protocol.name, totals).times.get(servo)
-        bounds = times.at(FIGURES[rule.figure]) if times is not None else None
+        bounds = times.figure(FIGURES[rule.figure]) if times is not None else None
         if times is not None and bounds is not None:
             told = f"{rule.figure} of {_name(heard, lane, servo)} is {bounds.ms()} ms"
             told += f" (between {bounds.low / MS:.2f} and {bounds.high / MS:.2f})"

@@ -101,7 +101,7 @@ def servos(content: Content) -> Table:
             "unasked": str(mine.outcomes["unsolicited"] or ""),
         }
         times = totals.times.get(servo)
-        bounds = [times.at(share) if times is not None else None for share in FIGURES.values()]
+        bounds = [times.figure(share) if times is not None else None for share in FIGURES.values()]
         row[REPLY] = " / ".join(b.ms() for b in bounds if b is not None)
         for quantity in (POSITION, *MEASURED):
             row[quantity] = words.spread(mine.range_of(quantity), mine.unit_of(quantity) or "")

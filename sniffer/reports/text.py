@@ -188,7 +188,7 @@ def _times(content: Content) -> Iterator[str]:
     for lane, servo, _ in tables.present(content):
         times = content.totals_of(lane).times.get(servo)
         if times is not None and times.count:
-            bounds = [times.at(share) for share in FIGURES.values()]
+            bounds = [times.figure(share) for share in FIGURES.values()]
             shown = [b.ms() if b is not None else "" for b in bounds]
             rows.append((tables.servo_name(content, lane, servo), str(times.count), *shown))
     if rows:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError
 from sniffer.ground.needs import need_pyarrow, need_rerun
+from sniffer.ground.wording import offered
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -76,7 +77,7 @@ def suffix_known(path: Path, *, raw: bool = False) -> str:
     suffix = path.suffix.lower()
     known = (*SINKS, *BYTES) if raw else tuple(SINKS)
     if suffix not in known:
-        raise OutputError(f"{path}: the suffix must be one of {', '.join(known)}")
+        raise OutputError(f"{path}: the suffix must be {offered(suffix, known)}")
     if suffix in _NEEDS:
         _NEEDS[suffix]()
     return suffix

@@ -233,7 +233,7 @@ def _commands(b: BusTotals) -> Table:
         row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:
             q = b.times.get(servo)
-            times = [q.at(share) if q else None for share in FIGURES.values()]
+            times = [q.figure(share) if q else None for share in FIGURES.values()]
             row += [bounds.ms() if bounds is not None else "" for bounds in times]
         if failed:
             row.append(str(b.bad_by_servo.get(servo) or ""))

@@ -56,7 +56,8 @@ def _named(register: Register, text: str) -> str:
     return text if text == name else f"{name} {text}"
 
 
-def _errors(protocol: BusProtocol, status: int) -> str:
+def errors_in_words(protocol: BusProtocol, status: int) -> str:
+    """Return what a servo complains of."""
     return "+".join(protocol.status_names(status)).replace("_", " ")
 
 
@@ -67,7 +68,7 @@ def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) 
     told = _stated(protocol, batch, i, values)
     status = int(f.status[i])
     if status > 0:
-        told.insert(0, _errors(protocol, status))
+        told.insert(0, errors_in_words(protocol, status))
     if not told:
         op = protocol.op_name(int(f.op[i]))
         fields = frame_fields(batch, protocol, i, values)
@@ -123,7 +124,9 @@ class FrameWords(OfProtocol):
     def told(self, batch: Batch, rows: Sequence[int]) -> Iterator[str]:
         """Yield what some of the frames state."""
         f, v, protocol = batch.frames, batch.values, self.protocol
-        edges, values = value_ranges(v, len(f)), self._each(v)
+        edges = value_ranges(v, len(f))
+        stating = any(edges[i] < edges[i + 1] for i in rows)
+        values = self.each_value(v) if stating else []
         columns, size = packed(batch, f.length)
         own = v.servo_id == f.servo_id[v.row]
         plain = np.ones(len(f), bool)
@@ -134,18 +137,20 @@ class FrameWords(OfProtocol):
             if not is_plain:
                 yield values_in_words(protocol, batch, i, range(a, b))
             elif status > 0:
-                yield ", ".join([_errors(protocol, status), *values[a:b]])
+                yield ", ".join([errors_in_words(protocol, status), *values[a:b]])
             elif a < b:
                 yield values[a] if b - a == 1 else ", ".join(values[a:b])
             else:
                 key = columns[i * size : i * size + size], batch.data[start:end]
-                found = self._frames.known.get(key) or self._frames.again(key)
+                found = self._frames.known.get(key)
+                if found is None:  # not where it states nothing: that is known, too
+                    found = self._frames.again(key)
                 if found is None:
                     words = values_in_words(protocol, batch, i, range(a, b))
                     found = self._frames.keep(key, words)
                 yield found
 
-    def _each(self, v: Samples) -> list[str]:
+    def each_value(self, v: Samples) -> list[str]:
         """Return each value with the name of its register."""
         known = self._values.known
         kind = v.register.astype(np.int64) << 8 | v.part

@@ -148,7 +148,7 @@ def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:
     """Return count and figures of many numbers, each an interval; None: there are none."""
     out: dict[str, Any] = {"count": q.count}
     for name, share in SHARES.items():
-        bounds = q.longest() if share >= 1 else q.at(share)
+        bounds = q.figure(share)
         if bounds is None:
             return None
         out[name] = list(bounds) if per == 1 else [bound / per for bound in bounds]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -51,6 +52,38 @@ def test_which_command_is_slowest(capture: Capture, asker: Asker) -> None:
     assert max(
         (key for key in longest), key=lambda key: sum(told[key]["response_time_ns"]["max"])
     ) in {key for key in longest if longest[key] >= longest[slowest] * 0.98}
+
+
+def test_the_longest_reply_is_one_figure_wherever_it_is_told(
+    capture: Capture, asker: Asker
+) -> None:
+    told = servo_maxima(asker.bus(capture.path))
+    summary = asker.ask("decode", capture.path, "--summary", led_by="summary only").out
+    report = asker.ask("report", capture.path, led_by="response times").out
+    for who, rows in each(capture.of("transaction"), lambda r: r["servo_id"]):
+        if not took(rows):
+            continue
+        slowest = max(
+            (r for r in rows if r["response_time_ns"] is not None),
+            key=lambda r: r["response_time_ns"] + r["uncertainty_ns"],
+        )
+        ns, spread = slowest["response_time_ns"], slowest["uncertainty_ns"]
+        if spread > ns / 10:
+            continue  # told as bounds
+        written = f"{ns / 1e6:.2f}"
+        assert told[who] == [ns - spread, ns + spread]
+        assert re.search(rf"^ +{who} .* {re.escape(written)} ", summary, re.M), (who, written)
+        assert written in report
+
+
+def servo_maxima(bus: Row) -> dict[int | None, list[int]]:
+    """Return the bounds of the longest reply of each servo."""
+    out: dict[int | None, list[int]] = {}
+    for (who, _), command in commands(bus).items():
+        if command["response_time_ns"]:
+            bounds = command["response_time_ns"]["max"]
+            out[who] = [max(a, b) for a, b in zip(bounds, out.get(who, [0, 0]), strict=True)]
+    return out
 
 
 def test_how_long_an_answer_takes_in_the_middle_and_at_worst(
