@@ -214,6 +214,20 @@ def test_goals_behind_a_torque_that_was_switched_off_are_named_with_the_frame_th
     assert "switched off at 1.001 s" in told.what
 
 
+@pytest.mark.parametrize("follows", [False, True], ids=["nobody looks", "it follows"])
+def test_a_force_that_the_next_goal_switches_on_is_not_missed(follows: bool) -> None:
+    """So 12Lf IR Protocol, 2.4.6.1, has it: clients of the maker never switch it on themselves."""
+    out = [mightyzap_write(1, 0.0, FORCE, b"\1"), mightyzap_write(1, 1.0, FORCE, b"\0")]
+    for k in range(100):
+        goal = (1000 + 20 * k).to_bytes(2, "little")
+        out.append(mightyzap_write(1, 1.5 + k * 0.05, 0x86, goal))
+        where = goal if follows else b"\1"
+        out += mightyzap_read(1, 1.52 + k * 0.05, POSITION if follows else 0x81, where)
+    d = heard(in_time(out), "mightyzap")
+    assert "goals-without-torque" not in codes(d)
+    assert not d.incidents()
+
+
 def test_a_torque_that_is_switched_off_at_the_end_is_no_incident() -> None:
     goals = [(1000 + 20 * k).to_bytes(2, "little") for k in range(40)]
     out = [mightyzap_write(1, 0.0, FORCE, b"\1")]

@@ -87,6 +87,7 @@ def test_every_entry_has_a_source_and_its_default_lies_in_its_range(model: str) 
         assert r.source, r.name
         if r.default is not None and r.range is not None:
             assert r.range[0] <= r.default <= r.range[1] or r.default in r.special, r.name
+        assert not r.on_with or r.on_with in by_name, r.name
         if r.scale_by is not None:
             assert r.scale_by[0] in by_name, r.name
 

@@ -150,6 +150,14 @@ def test_a_12lf_has_its_own_map() -> None:
     assert talk.ask(zap(1, LOAD, b"\x8a\x02")) == zap(1, 0, (1023).to_bytes(2, "little"))
 
 
+def test_the_force_of_a_12lf_goes_on_by_itself_with_the_next_goal() -> None:
+    """12Lf IR Protocol, 2.4.6.1; the L12 manual v1.02 says nothing of the kind."""
+    talk = Talk("mightyzap", 1, 2, models={2: "mightyzap-12lf"})
+    for who, on in ((1, b"\x00"), (2, b"\x01")):
+        talk.all_of(zap(who, STORE, b"\x80\x00"), zap(who, STORE, b"\x86\x00\x02"))
+        assert talk.ask(zap(who, LOAD, b"\x80\x01")) == zap(who, 0, on)
+
+
 # --- LSS -----------------------------------------------------------------------------------------
 
 

@@ -294,6 +294,13 @@ class Case:
         mine = (h.kind == SETTING) & np.isin(h.what, registers)
         return h.take(self._of(h, mine, servo_id))
 
+    def registers_of(self, servo_id: int, quantity: str) -> list[Register]:
+        """Return the registers of a quantity that a servo may have, by its model if it is known."""
+        model, _ = self.ledger.models.get(servo_id, ("", 0))
+        return [
+            r for r in self.protocol.registers if r.quantity == quantity and model in ("", r.model)
+        ]
+
     def remarks(self, *kinds: int) -> Happenings:
         """Return what the tap remarked, of some ``MarkKind``; ``after`` is the count."""
         h = self.happenings

@@ -43,7 +43,8 @@ class Register:
     ``scale_by`` names the register whose value selects the scale. ``sign_bit`` marks sign and
     magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
     ``alarms`` those of ``values`` that report a fault.
-    ``effect`` is what a write changes about the bus: servo_id, baud or feedback.
+    ``effect`` is what a write changes about the bus: servo_id, baud or feedback. ``on_with`` names
+    the register whose write brings this one to 1 by itself.
 
     Registers that go by a word (LSS) have a ``kind`` (action, query, configuration, modifier or
     unclear). ``queries`` are the queries, with selector, whose replies state the register,
@@ -69,6 +70,7 @@ class Register:
     special: Mapping[int, str] = field(default_factory=dict)
     alarms: tuple[int, ...] = ()
     effect: str = ""
+    on_with: str = ""
     source: str = ""
     doubt: str = ""
     model: str = ""

@@ -280,6 +280,8 @@ def _agree(registers: Sequence[Register]) -> None:
     for r in registers:
         if r.scale_by is not None and r.scale_by[0] not in names:
             raise ValueError(f"register {r.name}: no register {r.scale_by[0]} to select its scale")
+        if r.on_with and r.on_with not in names:
+            raise ValueError(f"register {r.name}: no register {r.on_with} that switches it on")
 
 
 def _identity(told: Any) -> Identity | None:

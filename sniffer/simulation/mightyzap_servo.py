@@ -254,6 +254,9 @@ class MightyZapServo(Servo):
             limits = (self.memory.raw[f"{end}_stroke_limit"] / TOP for end in ("short", "long"))
             short, long = limits
             self.joint.goal = max(min(raw / self.top, long), short)
+        # a joint whose motor is gone stays limp whatever it is told, but for the force itself
+        if self.memory.register("force_on").on_with == name and not self.joint.is_limp:
+            self.store("force_on", 1)
 
     def store_own(self, address: int, targets: Mapping[int, bytes]) -> None:
         """Take what is meant for it."""

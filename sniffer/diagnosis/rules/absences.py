@@ -164,8 +164,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             continue
         to_it = np.isin(w["servo_id"], [servo, *case.protocol.everyone])
         writes = int(w["n"][to_it & np.isin(w["register"], torque)].sum())
-        known = [m for m, _ in (case.ledger.models.get(servo, ("", 0)),) if m]
-        mine = [registers[i] for i in torque if not known or registers[i].model in known]
+        mine = case.registers_of(servo, "torque_enable")
         back = runs[0].back_ns or 0
         after = joint.position.t_first > back
         moved = joint.position.high[after].max(initial=-np.inf) - joint.position.low[after].min(

@@ -38,7 +38,7 @@ FINDINGS: Final = (
         "goals-without-torque",
         "device",
         "A servo gets goals while its torque is off.",
-        "Its torque register was written or read as off, and goals follow for a second or longer, three or more, before it is on again; its joint is not seen to follow.",
+        "Its torque register was written or read as off, and goals follow for a second or longer, three or more, before it is on again; its joint is not seen to follow. Where a goal may switch it on (`on_with` in the table of its model, or of any while nothing tells the model), its joint is seen to hang.",
     ),
     FindingCode(
         "limp-by-status",
@@ -183,6 +183,7 @@ def _goals_without(case: Case, servo: int, offs: list[_Off]) -> Iterator[Finding
     if goal is None:
         return
     joint = track(case, servo)
+    goes_on = any(r.on_with for r in case.registers_of(servo, "torque_enable"))
     for o in offs:
         rows = np.flatnonzero((goal.t_first > o.since_ns) & (goal.t < o.until_ns))
         if not len(rows):
@@ -191,10 +192,12 @@ def _goals_without(case: Case, servo: int, offs: list[_Off]) -> Iterator[Finding
         count = int(goal.n[rows].sum())
         if count < LEAST or last - first < LASTS_NS:
             continue
-        strength = 0.6
+        strength, hangs = 0.6, False
         if joint is not None:
             hangs = any(a.last_ns > first and a.first_ns < last for a in joint.away)
             strength = 1.0 if hangs else 0.2
+        if goes_on and not hangs:
+            continue
         how = "switched off" if o.written else "read as off"
         yield Finding(
             "goals-without-torque",
