@@ -25,8 +25,9 @@ from sniffer.signals.rates import (
 )
 from sniffer.signals.stretch import LogicInput, Sampler
 from sniffer.signals.uart import BREAK, FRAMING, PARITY, Receiver, UartBytes
+from sniffer.sources import open_source
 from tests.pcaps import ASK
-from tests.waves import Wire, edges_of, sampled, spoken, sr
+from tests.waves import Wire, edges_of, saleae_0, saleae_csv, sampled, spoken, sr, vcd
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -305,3 +306,20 @@ def test_errors_become_marks_of_their_chunks() -> None:
         (b"\x12", []),
         (b"\x34", [(MarkKind.FRAMING, 0, 1)]),
     ]
+
+
+def test_times_of_a_dump_in_nanoseconds_are_as_late_as_the_samples_behind_it(
+    tmp_path: Path,
+) -> None:
+    wire = spoken(bytes.fromhex("FFFFFF0104F28C027A FFFFFF0102F10B") * 20, 57600)
+    levels = sampled(wire, 1_000_000)
+    files = {
+        "a.vcd": vcd({"RX": levels}, 1_000_000),
+        "a.csv": saleae_csv({"RX": levels}, 1_000_000),
+        "RX.bin": saleae_0(levels, 1_000_000),
+    }
+    for name, written in files.items():
+        (tmp_path / name).write_bytes(written)
+        source = open_source(tmp_path / name)
+        list(source)
+        assert source.facts()["latency_ns.RX"] == "1000"
