@@ -87,10 +87,12 @@ def counted(
     return as_dict(told)
 
 
-def exchange(at_ms: float, value: int = 0, *, took_ms: float = 0.5, servo: int = 1) -> list[Chunk]:
+def exchange(
+    at_ms: float, value: int = 0, *, took_ms: float = 0.5, servo: int = 1, asked: int = 0x8C
+) -> list[Chunk]:
     """Return a request for a position and its answer, on a line whose stamps are exact."""
     byte_ns = 10**10 // 57600
-    ask = packet(servo, 0xF2, b"\x8c\x02")
+    ask = packet(servo, 0xF2, bytes([asked, 2]))
     answer = packet(servo, 0, value.to_bytes(2, "little"))
     t = round(at_ms * MS) + len(ask) * byte_ns
     then = t + round(took_ms * MS) + len(answer) * byte_ns
@@ -264,6 +266,16 @@ def test_a_period_and_its_jitter_are_known_to_the_stamps() -> None:
     assert low <= 2 * MS <= high <= 2.2 * MS
     low, high = command["response_time_ns"]["p50"]
     assert 0.45 * MS <= low <= 0.5 * MS <= high <= 0.55 * MS
+
+
+def test_what_is_asked_once_in_a_while_is_no_loop_that_stalls() -> None:
+    chunks = [c for k in range(60) for c in exchange(20.0 * k + (8.0 if k == 40 else 0.0))]
+    chunks[20:20] = exchange(195.0, asked=0x8E)
+    chunks[100:100] = exchange(975.0, asked=0x8E)
+    (command,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["commands"]
+    assert command["period_ns"]["max"] == pytest.approx([780 * MS, 780 * MS], rel=0.01)
+    assert command["longest_period"]["value_ns"] == pytest.approx([28 * MS, 28 * MS], rel=0.01)
+    assert command["longest_period"]["t_ns"] == pytest.approx(808 * MS, abs=MS // 10)
 
 
 def test_the_slowest_answer_is_the_one_that_sql_finds(stats: Counting) -> None:

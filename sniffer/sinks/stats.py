@@ -151,7 +151,7 @@ def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         else:
             row.append(percent(c["bytes_share"]))
         if timed:
-            row += [_ms(c["period_ns"], "p50"), _ms(c["period_ns"], "max")]
+            row += [_ms(c["period_ns"], "p50"), _ms(c["longest_period"], "value_ns")]
             row += [_ms(c["jitter_ns"], "p95")]
         table.add_row(*row)
     return table if bus["commands"] else None

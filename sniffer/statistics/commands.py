@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.durations import Quantiles
+from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST, UNSOLICITED
@@ -56,6 +56,16 @@ class Slowest(NamedTuple):
     offset: int
 
 
+class LongestPeriod(NamedTuple):
+    """The longest period of requests that are alike: its bounds, and when the later one began.
+
+    That one is the longest for sure; another one may be longer where stamps are coarse.
+    """
+
+    bounds: Bounds
+    t_ns: int
+
+
 @dataclass(slots=True)
 class Durations:
     """Durations of one command of one servo, in ns, each known within bounds.
@@ -76,7 +86,8 @@ class CommandFigures:
     """One command of one servo; servo -1 is nobody's.
 
     ``asked`` are requests whose answer had to come, ``failed`` those of them that had none that
-    fits (``missing``: nothing at all), ``unasked`` answers that fit no request.
+    fits (``missing``: nothing at all), ``unasked`` answers that fit no request. ``longest`` is the
+    longest period of what is asked most often: what is asked once in a while is no loop.
     """
 
     servo_id: int
@@ -91,6 +102,7 @@ class CommandFigures:
     unasked: int
     retries: int
     times: Durations
+    longest: LongestPeriod | None
 
     @property
     def missing_share(self) -> float | None:
@@ -99,13 +111,18 @@ class CommandFigures:
 
 
 class _Cycle(NamedTuple):
-    """The last two requests that are alike, or the only one: when, and how uncertain."""
+    """The last two requests that are alike, or the only one: when, and how uncertain.
+
+    ``periods`` counts what is between such requests, ``longest`` is the longest of them.
+    """
 
     t_ns: tuple[int, ...]
     spread: tuple[int, ...]
+    periods: int
+    longest: LongestPeriod | None
 
 
-_NEW: Final = _Cycle((), ())
+_NEW: Final = _Cycle((), (), 0, None)
 
 
 class CommandBook:
@@ -212,22 +229,26 @@ class CommandBook:
                 continue
             at = np.array([*last.t_ns, *t[a:b].tolist()], np.int64)
             unsure = np.array([*last.spread, *u[a:b].tolist()], np.int64)
-            self._measure(of[0], at, unsure, len(last.t_ns))
-            self._cycles[of] = _Cycle(tuple(at[-2:].tolist()), tuple(unsure[-2:].tolist()))
+            self._cycles[of] = self._measure(of[0], at, unsure, last)
 
-    def _measure(self, pair: int, t: I64, u: I64, known: int) -> None:
-        """Count periods and their changes; the first ``known`` requests were there before.
+    def _measure(self, pair: int, t: I64, u: I64, last: _Cycle) -> _Cycle:
+        """Count periods and their changes; the ``last`` requests were there before.
 
         A stamp is the latest moment: a request was up to its uncertainty earlier, never later.
         """
+        known = len(last.t_ns)
         period = np.maximum(np.diff(t), 0)
         new = max(known - 1, 0)
         key = np.full(len(period) - new, pair)
-        self._time("period", key, period[new:], np.maximum(u[1:], u[:-1])[new:])
+        spread = np.maximum(u[1:], u[:-1])
+        self._time("period", key, period[new:], spread[new:])
+        longest = _longest(last.longest, period[new:], spread[new:], t[1 + new :])
         change = np.abs(np.diff(np.diff(t)))
         spread = np.maximum(u[2:] + u[:-2], 2 * u[1:-1])
-        new = max(known - 2, 0)
+        earlier, new = new, max(known - 2, 0)
         self._time("jitter", np.full(len(change) - new, pair), change[new:], spread[new:])
+        periods = last.periods + len(period) - earlier
+        return _Cycle(tuple(t[-2:].tolist()), tuple(u[-2:].tolist()), periods, longest)
 
     def _time(self, name: str, key: I64, ns: I64, spread: I64) -> None:
         if not len(key):
@@ -242,13 +263,35 @@ class CommandBook:
     def figures(self) -> list[CommandFigures]:
         """Return the figures of all commands, by servo and number of the command."""
         key, columns = self._counts.table()
+        busiest: dict[int, _Cycle] = {}
+        for (of, *_), cycle in self._cycles.items():  # of equal ones the first
+            if of not in busiest or cycle.periods > busiest[of].periods:
+                busiest[of] = cycle
         out = []
         for i, pair in enumerate(key.tolist()):
             servo, op = (pair >> 32) - 1, _signed(pair & 0xFFFFFFFF)
             sums = {name: int(columns[name][i]) for name in _SUMS}
             times, retries = self._times.get(pair, Durations()), self._retries.counts[servo, op]
-            out.append(CommandFigures(servo, op, **sums, retries=retries, times=times))
+            longest = busiest.get(pair, _NEW).longest
+            out.append(
+                CommandFigures(servo, op, **sums, retries=retries, times=times, longest=longest)
+            )
         return out
+
+
+def _longest(
+    before: LongestPeriod | None, period: I64, spread: I64, t: I64
+) -> LongestPeriod | None:
+    """Return the longest of some periods, each with when it ended, and of what was known before."""
+    if not len(period):
+        return before
+    low = np.maximum(period - spread, 0)
+    k = int(low.argmax())
+    found = LongestPeriod(Bounds(int(low[k]), int((period + spread).max())), int(t[k]))
+    if before is None:
+        return found
+    bounds = Bounds(*map(max, before.bounds, found.bounds))
+    return LongestPeriod(bounds, (found if found.bounds.low > before.bounds.low else before).t_ns)
 
 
 def _signed(op: int) -> int:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.durations import Quantiles
     from sniffer.statistics.collector import LaneFigures
-    from sniffer.statistics.commands import CommandFigures, Slowest
+    from sniffer.statistics.commands import CommandFigures, LongestPeriod, Slowest
     from sniffer.statistics.exceeding import ExceedingFigures
     from sniffer.statistics.figures import Extreme, ServoFigures
     from sniffer.statistics.goalsteps import StepFigures
@@ -124,6 +124,7 @@ def _command(
         "bus_time_share": c.bytes * wire.byte_ns / wire.span_ns if clocked else None,
         "rate_hz": c.requests * NS / wire.span_ns if clocked else None,
         "period_ns": quantiles(times.period),
+        "longest_period": _longest(c.longest),
         "jitter_ns": quantiles(times.jitter),
         "response_time_ns": quantiles(times.reply),
         "slowest": _slowest(times.slowest),
@@ -142,6 +143,12 @@ def _slowest(answer: Slowest | None) -> dict[str, Any] | None:
     if answer is None:
         return None
     return {"value": answer.ns, "t_ns": answer.t_ns, "offset": answer.offset}
+
+
+def _longest(period: LongestPeriod | None) -> dict[str, Any] | None:
+    if period is None:
+        return None
+    return {"value_ns": list(period.bounds), "t_ns": period.t_ns}
 
 
 def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:

@@ -180,6 +180,11 @@ def test_the_period_of_a_poll_and_how_it_wavers(capture: Capture, asker: Asker) 
             assert low * 0.98 <= np.quantile(true, share, method="higher")
             assert high * 1.02 >= np.quantile(true, share, method="lower")
         assert figures["max"][0] <= true.max() <= figures["max"][1]
+    busiest = max(range(len(spans)), key=lambda k: len(spans[k]))
+    longest, (low, high) = told["longest_period"], told["longest_period"]["value_ns"]
+    # ends of frames, of one length: as far apart as their beginnings
+    assert low - 1 <= spans[busiest].max() <= high + 1
+    assert longest["t_ns"] in {r["t_start_ns"] for r in alike[busiest]}
 
 
 def test_which_servo_lost_most_answers_and_how_sure_that_is(capture: Capture, asker: Asker) -> None:
