@@ -37,7 +37,7 @@ FINDINGS: Final = (
         "Requests lack bytes: a controller sends them in one go, and noise alters bytes but hardly "
         "ever takes any away.",
         "Torn requests that begin as one which this controller made and end as one, without a middle; "
-        "most torn requests are so, and not all are mere beginnings: who breaks off leaves such.",
+        "most torn requests are so, and not all are mere beginnings that nobody answers: who breaks off leaves such.",
     ),
     FindingCode(
         "headless-frames",
@@ -98,8 +98,11 @@ def torn_requests(case: Case) -> Iterator[Finding]:
     torn = sum(d.turn == IN_REQUEST for d in case.damages)
     if only_at_the_turn(case, short):
         return
-    # A controller that breaks off leaves beginnings alone; a hole ends wherever it likes.
-    is_cut_by_tap = any(not _is_begun(d.got, known) for d in short)
+    answered = _answered(case, short)
+    were_whole = len(answered) >= max(LEAST - 1, ANSWERED * len(short))
+    # A controller that breaks off leaves beginnings alone, which nobody answers; a hole ends
+    # wherever it likes.
+    is_cut_by_tap = were_whole or any(not _is_begun(d.got, known) for d in short)
     if is_cut_by_tap and len(short) >= max(LEAST, SOME * torn, MOST * (len(short) + altered)):
         yield _told(
             "requests-torn-short",
@@ -107,8 +110,7 @@ def torn_requests(case: Case) -> Iterator[Finding]:
             f"{len(short)} requests lack bytes, and {altered} are altered",
             "a request that lacks bytes",
         )
-    answered = _answered(case, short)
-    if len(answered) >= LEAST - 1 and len(answered) >= ANSWERED * len(short):
+    if were_whole:
         yield _told(
             "answered-though-torn",
             answered,
