@@ -117,7 +117,7 @@ class _Commands(click.Group):
         except BrokenPipeError:
             raise _NobodyListensError from None
         except EOFError as error:  # nobody is asked anything: click would say that this was Ctrl-C
-            raise _EndedError from error
+            raise _EndedError(error) from error
 
 
 @contextlib.contextmanager
@@ -140,7 +140,11 @@ class _NobodyListensError(Exception):
 
 
 class _EndedError(Exception):
-    """Something had an end that nobody has foreseen: an EOFError, which is its cause."""
+    """Something had an end that nobody has foreseen."""
+
+    def __init__(self, end: EOFError) -> None:
+        super().__init__(end)
+        self.end = end
 
 
 @click.group(
@@ -184,9 +188,10 @@ def _run(arguments: Sequence[str]) -> int:
             return _tell(f"{os.fsdecode(error.filename)}: {why}", MISTAKE)
         silence_stdout()
         return _tell(f"standard output: cannot be written ({why})", MISTAKE)
+    except _EndedError as error:
+        return _failed(error.end)
     except Exception as error:
-        unforeseen = error.__cause__ if isinstance(error, _EndedError) else None
-        return _failed(unforeseen if isinstance(unforeseen, EOFError) else error)
+        return _failed(error)
     finally:
         _end_stderr()
     return status if isinstance(status, int) else DONE

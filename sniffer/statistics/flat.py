@@ -94,6 +94,9 @@ def _told(fixed: dict[str, Any], figures: Mapping[str, Any], of: str = "") -> It
         if isinstance(figure, dict):
             if {"value", "t_ns", "offset"} == figure.keys():
                 yield row | figure
+            elif {"value_ns", "t_ns"} == figure.keys():
+                low, high = figure["value_ns"]
+                yield row | {"low": low, "high": high, "t_ns": figure["t_ns"]}
             elif name != "over_time":
                 yield from _told(fixed, figure, f"{of}{name}.")
         elif isinstance(figure, list):
