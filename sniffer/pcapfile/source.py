@@ -99,6 +99,7 @@ class PcapSource:
         self._candidates: dict[str, _Candidate] = {}
         self._left_out: dict[str, int] = {}
         self._bauds: dict[str, int] = {}
+        self._packets = 0
 
     def __iter__(self) -> Iterator[Chunk]:
         """Yield the chunks.
@@ -107,21 +108,12 @@ class PcapSource:
             InputError: none of it is a serial line.
             DamagedInputError: it is cut off or makes no sense; what comes before was yielded.
         """
-        packets, is_empty = 0, True
-        try:
-            for packet in self._reader:
-                packets += 1
-                for chunk in self._take(packet):
-                    is_empty = False
-                    yield chunk
-        except DamagedInputError:
-            yield from self._end()
-            raise
-        for chunk in self._end():
+        is_empty = True
+        for chunk in self._chunks():
             is_empty = False
             yield chunk
-        if packets and is_empty:
-            self._notes.append(_without_bytes(packets, is_usb=self.has_usb))
+        if self._packets and is_empty:
+            self._notes.append(_without_bytes(self._packets, is_usb=self.has_usb))
 
     @property
     def has_usb(self) -> bool:
@@ -138,6 +130,16 @@ class PcapSource:
                 if device.baud:
                     facts[f"baud.{bus}"] = str(device.baud)
         return facts | self._reader.facts
+
+    def _chunks(self) -> Iterator[Chunk]:
+        try:
+            for packet in self._reader:
+                self._packets += 1
+                yield from self._take(packet)
+        except DamagedInputError:
+            yield from self._end()
+            raise
+        yield from self._end()
 
     def _take(self, packet: CapturedPacket) -> Iterator[Chunk]:
         link = packet.face.link
