@@ -54,6 +54,15 @@ def say_until(master: int, data: bytes, over: threading.Event) -> None:
             over.wait(0.005)
 
 
+def heard(end: int, length: int) -> bytes:
+    """Read so many bytes: the kernel hands on in pieces what was written in one."""
+    out = b""
+    while len(out) < length:
+        assert select.select([end], [], [], PATIENCE_S)[0], out
+        out += os.read(end, length - len(out))
+    return out
+
+
 class Terminal:
     """One line: ``path`` is what a tap opens. Use it with ``with``."""
 

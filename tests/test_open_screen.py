@@ -79,6 +79,11 @@ class Glass:
             return True
         return detail is not None and detail.parts[0].line == line
 
+    @property
+    def is_read(self) -> bool:
+        """Tell whether all is read, and the screen says so."""
+        return self.app.reading.done and "reading" not in self.text(self.app.top)
+
     async def until(self, so: Callable[[], bool]) -> None:
         end = time.monotonic() + PATIENCE_S
         while True:
@@ -117,7 +122,7 @@ async def looking(
     try:
         async with app.run_test(size=(80, 24)) as pilot:
             glass = Glass(app, pilot)
-            await glass.until(lambda: reading.done or (growing is not None and app.view.count > 0))
+            await glass.until(lambda: app.view.count > 0 if growing else glass.is_read)
             await glass.settled()
             yield glass
     finally:

@@ -80,14 +80,17 @@ def spoken(answers: dict[bytes, bytes], source: Path) -> tuple[PlayedBack, list[
     over = threading.Event()
 
     def answer() -> None:
+        data = b""
         while not over.is_set():
             try:
-                data = os.read(master, 4096)
+                data += os.read(master, 4096)
             except BlockingIOError:
                 time.sleep(0.0005)
                 continue
-            asked.append((time.monotonic_ns(), data))
-            os.write(master, answers.get(data, b""))
+            if len(data) > 4 and len(data) >= 5 + data[4]:  # whole: it may come in pieces
+                asked.append((time.monotonic_ns(), data))
+                os.write(master, answers.get(data, b""))
+                data = b""
 
     thread = threading.Thread(target=answer)
     thread.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import time
@@ -20,7 +21,7 @@ from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.playbacks import CLEAN, playing
 from tests.simulations import DEADLINE_S, ear
-from tests.terminals import LINUX_ONLY
+from tests.terminals import LINUX_ONLY, heard
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -220,7 +221,8 @@ def test_a_pseudo_terminal_is_played_on_whatever_it_is_called(tmp_path: Path) ->
         link.symlink_to(os.ttyname(slave))
         with playing(path, "mightyzap", LINE, to=(str(link),), speed=0) as it:
             it.wait()
-        assert os.read(master, 4096) == talk(1)
+        assert heard(master, len(talk(1))) == talk(1)
+        assert not select.select([master], [], [], 0)[0], "and nothing more"
     finally:
         os.close(master)
         os.close(slave)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import shutil
 import subprocess
 import time
@@ -16,7 +15,7 @@ import serial
 
 from sniffer.ground.model import Clock, Direction, MarkKind, SnifferError
 from tests.inputs import chunks
-from tests.terminals import wait
+from tests.terminals import heard, wait
 from tests.toollogs import ANSWER, ASK, MS, RX, TX
 
 if TYPE_CHECKING:
@@ -60,11 +59,7 @@ def _passed(sender: int, receiver: int, data: bytes) -> tuple[int, int]:
     """Send bytes; return the times between which somebody in the middle had them."""
     begun = time.time_ns()
     os.write(sender, data)
-    got = b""
-    while len(got) < len(data):
-        assert select.select([receiver], [], [], PATIENCE_S)[0]
-        got += os.read(receiver, len(data))
-    assert got == data
+    assert heard(receiver, len(data)) == data
     return begun, time.time_ns()
 
 
@@ -157,7 +152,7 @@ def test_what_spy_of_pyserial_writes_is_read_with_its_times_and_directions(tmp_p
         else:
             host.write(data)
             host.flush()
-            assert os.read(servo, 99) == data
+            assert heard(servo, len(data)) == data
         said.append((data, wire, begun, time.time_ns()))
 
     with serial.serial_for_url(url, timeout=PATIENCE_S) as host:
