@@ -89,6 +89,25 @@ def test_sound_traffic_is_called_sound_and_on_what_it_was_judged(
     assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 4\s+servos", done.out)
 
 
+def test_several_incidents_are_told_in_short_before_each_is_told_at_length(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    one, two = (
+        log(tmp_path / f"{n}.log", "mightyzap", "dead:2@5s", *more)
+        for n, more in enumerate(((), ("absent:3",)))
+    )
+    assert "incidents: " not in diagnose.says(one).out, "one is told at length alone"
+    whole = diagnose.told(two)["incidents"]
+    each = [
+        f"{i['id']} {i['causes'][0]['cause']} of servo {i['servo_ids'][0]} "
+        f"({i['causes'][0]['confidence']:.0%})".replace("%)", " %)")
+        for i in whole
+    ]
+    assert len(each) > 1
+    first = diagnose.says(two).out.splitlines()[0]
+    assert first == f"{len(each)} incidents: {', '.join(each)}"
+
+
 def few_lost(path: Path) -> Path:
     """Write a log in which servos 1 and 3 lose one answer each."""
 

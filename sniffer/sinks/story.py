@@ -11,6 +11,7 @@ from rich.text import Text
 
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.model import NS, SnifferError
+from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +24,9 @@ SINCE: Final = 1_000_000_000 * NS
 """Times after that (the year 2001) are those of a clock on the wall."""
 
 FINDINGS_SHOWN: Final = 6
+
+NAMED: Final = 3
+"""Of more servos than that only the number is told where incidents are told in short."""
 
 
 def print_incidents(
@@ -38,6 +42,9 @@ def print_incidents(
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
     """
     console = console or Console(highlight=False)
+    if len(incidents) > 1:  # whoever reads the first screen alone knows what stands below it
+        _hang(console, f"{len(incidents)} incidents: ", [Text(_in_short(incidents))])
+        console.print()
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()
@@ -80,6 +87,16 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
     if offsets:
         told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
         _hang(console, "   see ", [Text(told)])
+
+
+def _in_short(incidents: Sequence[Incident]) -> str:
+    """Return the first cause of each incident, with whose it is and how sure that is."""
+    told = []
+    for i in incidents:
+        each = [f"servo {servo}" for servo in i.servo_ids]
+        who = f" of {and_(each) if len(each) <= NAMED else f'{len(each)} servos'}" if each else ""
+        told.append(f"{i.number} {i.cause}{who} ({i.causes[0].percent} %)")
+    return ", ".join(told)
 
 
 def _how_often(i: Incident, *, clock: bool) -> str:
