@@ -78,7 +78,7 @@ class Diagnostics(Remembering):
         found = Anomalies.joined(
             [
                 gap_anomalies(batch),
-                Anomalies.of([*protocol_anomalies(batch, self._protocol)]),
+                protocol_anomalies(batch, self._protocol),
                 *self._pairing.judge(batch),
                 Anomalies.of(few),
             ]
