@@ -158,3 +158,50 @@ def test_every_code_has_a_number() -> None:
     one = anomaly("noise", 7, -1, "a byte", (3, 1))
     assert list(Anomalies.of([one])) == [one]
     assert Anomalies.of([one]).servo_id.tolist() == [-1]
+
+
+def packet(*body: int) -> bytes:
+    return b"\xff\xff\xff" + bytes(body) + bytes([~sum(body) & 0xFF])
+
+
+def complaining(status: list[int]) -> bytes:
+    """Return talk in which two servos answer with these status bytes."""
+    return b"".join(
+        packet(1 + i % 2, 4, 0xF2, 0x8C, 2) + packet(1 + i % 2, 4, byte, 0x34, 0x08)
+        for i, byte in enumerate(status)
+    )
+
+
+@given(
+    status=st.lists(st.sampled_from([0, 0x02, 0x08, 0x20, 0x28]), min_size=1, max_size=30),
+    cut=st.integers(1, 400),
+)
+def test_what_servos_complain_of_is_one_in_columns_in_objects_and_however_it_is_cut(
+    status: list[int], cut: int
+) -> None:
+    data = complaining(status)
+    decoder, pieces_of = Decoder("mightyzap"), Decoder("mightyzap")
+    whole = [decoder.feed(Chunk(data)), decoder.close()]
+    parts = [pieces_of.feed(Chunk(data[a : a + cut])) for a in range(0, len(data), cut)]
+    told = [one for b in whole for one in Anomalies.of(b.anomalies).told()]
+    found = [a for b in (*parts, pieces_of.close()) for a in b.anomalies]
+    assert told == [(a.detail, a.evidence) for a in found]
+    for batch in whole:
+        columns, objects = Anomalies.of(batch.anomalies), Anomalies.of(list(batch.anomalies))
+        assert columns.code.tolist() == objects.code.tolist()
+        assert columns.servo_id.tolist() == objects.servo_id.tolist()
+        assert columns.at.tolist() == objects.at.tolist()
+
+
+def test_a_refusal_is_told_each_time_and_a_fault_when_it_begins_and_ends() -> None:
+    decoder = Decoder("mightyzap")
+    data = complaining([0x08, 0x20, 0x08, 0x20, 0x08, 0x00])
+    batches = [decoder.feed(Chunk(data)), decoder.close()]
+    told = [a.detail for b in batches for a in b.anomalies]
+    assert told == [
+        "servo 1 reports range (status 08)",
+        "servo 2 reports overload (status 20)",
+        "servo 1 reports range (status 08)",
+        "servo 1 reports range (status 08)",
+        "servo 2 no longer reports overload",
+    ]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sniffer.diagnostics.found import Told
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I16, I64
     from sniffer.protocols.base import BusProtocol
 
 
@@ -147,41 +147,50 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Anomalies:
     own = f.flags & ECHO == 0
     return Anomalies.joined(
         [
-            of_frames(batch, np.flatnonzero(own & (f.flags & flag > 0)), code, _odd(text, protocol))
+            _odd(batch, protocol, np.flatnonzero(own & (f.flags & flag > 0)), code, text)
             for flag, code, text in _ODD
         ]
     )
 
 
-def _odd(text: str, protocol: BusProtocol) -> Callable[[Batch, I64], list[str]]:
-    def tell(batch: Batch, rows: I64) -> list[str]:
-        f, data = batch.frames, batch.data
-        start = f.start[rows]
-        stop = start + np.minimum(f.length[rows], 32)
-        names = {op: protocol.op_name(op) for op in set(f.op[rows].tolist())}
+def _odd(batch: Batch, protocol: BusProtocol, rows: I64, code: str, text: str) -> Anomalies:
+    f, data = batch.frames, batch.data
+
+    def tell(mine: Sequence[int]) -> list[str]:
+        at = rows[mine]
+        start, ops = f.start[at], f.op[at].tolist()
+        stop = start + np.minimum(f.length[at], 32)
+        names = {op: protocol.op_name(op) for op in set(ops)}
         return [
             text.format(op=names[op], shown=data[a:b].hex(" ").upper())
-            for op, a, b in zip(f.op[rows].tolist(), start.tolist(), stop.tolist(), strict=True)
+            for op, a, b in zip(ops, start.tolist(), stop.tolist(), strict=True)
         ]
 
-    return tell
+    codes = np.full(len(rows), NUMBER[code])
+    return of_frames(batch, rows, codes, f.t_end[rows], f.servo_id[rows], tell)
 
 
 def of_frames(
-    batch: Batch, rows: I64, code: str, tell: Callable[[Batch, I64], list[str]]
+    batch: Batch,
+    rows: I64,
+    code: I64,
+    t_ns: I64,
+    servo_id: I16 | I64,
+    tell: Callable[[Sequence[int]], Sequence[str]],
 ) -> Anomalies:
-    """Return anomalies of one code, each of a frame, of whose rows ``tell`` gives the sentences."""
-    f = batch.frames
-    at, length = f.start[rows] + batch.base, f.length[rows].astype(np.int64)
+    """Return anomalies of which each has one frame as evidence.
+
+    ``rows`` are those of the frames; ``tell`` gives the sentences of some, by their places in it.
+    """
+    at = batch.frames.start[rows] + batch.base
+    length = batch.frames.length[rows].astype(np.int64)
 
     def told(mine: Sequence[int]) -> list[Told]:
         places = zip(at[mine].tolist(), length[mine].tolist(), strict=True)
-        return [
-            (text, (place,)) for text, place in zip(tell(batch, rows[mine]), places, strict=True)
-        ]
+        return [(text, (place,)) for text, place in zip(tell(mine), places, strict=True)]
 
-    who = np.maximum(f.servo_id[rows].astype(np.int64), -1)
-    return Anomalies(np.full(len(rows), NUMBER[code]), f.t_end[rows], who, at, length, at, told)
+    who = np.maximum(servo_id.astype(np.int64), -1)
+    return Anomalies(code, t_ns, who, at, length, at, told)
 
 
 class CaptureRules(Remembering):
