@@ -46,7 +46,7 @@ SEVERITY: Final = tuple(CATALOGUE[code].severity for code in CODES)
 _GROUP: Final = tuple(CATALOGUE[code].group for code in CODES)
 
 
-class _Part(NamedTuple):
+class _Origin(NamedTuple):
     """Where rows come from: what tells the rest of them, and objects that are there already."""
 
     tell: Tell
@@ -90,7 +90,7 @@ class Anomalies(Lazy[Anomaly]):
         self.at, self.length, self.known_at, self.told_at = at, length, known_at, known_at
         self._part = np.zeros(len(code), np.int64)
         self._row = np.arange(len(code))
-        self._parts: tuple[_Part, ...] = (_Part(tell),)
+        self._parts: tuple[_Origin, ...] = (_Origin(tell),)
 
     @classmethod
     def of(cls, found: Sequence[Anomaly]) -> Anomalies:
@@ -117,7 +117,7 @@ class Anomalies(Lazy[Anomaly]):
             return [(found[i].detail, found[i].evidence) for i in rows]
 
         out = cls(code, t_ns, who, at, length, known_at, tell)
-        out._parts = (_Part(tell, found),)
+        out._parts = (_Origin(tell, found),)
         return out
 
     @classmethod
@@ -130,7 +130,7 @@ class Anomalies(Lazy[Anomaly]):
         Lazy.__init__(out, sum(map(len, some)))
         for name in ("code", "t_ns", "servo_id", "at", "length", "known_at", "told_at", "_row"):
             setattr(out, name, np.concatenate([getattr(part, name) for part in some]))
-        parts_of_all: list[_Part] = []
+        parts_of_all: list[_Origin] = []
         of = []
         for part in some:
             of.append(part._part + len(parts_of_all))
