@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import pytest
@@ -11,17 +12,17 @@ from hypothesis import strategies as st
 
 from sniffer import Chunk, Decoder
 from sniffer.diagnostics.found import CODES, NUMBER, Anomalies
-from sniffer.diagnostics.rules import anomaly
+from sniffer.diagnostics.rules import anomaly, gap_anomalies
 from sniffer.ground.gaps import IDLE_TAIL, REASONS, Gaps
+from sniffer.ground.model import Batch, Gap
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.explaining import Surveyor, pieces
 from sniffer.sources import open_source
 from tests.golden import captures
 
-if TYPE_CHECKING:
-    from sniffer.ground.model import Batch
-
 SURVEYORS = sorted(name for name, p in PROTOCOLS.items() if isinstance(p, Surveyor))
+
+NUMBERS: Final = ("expected", "got", "is_told")
 
 ALPHABET = bytes.fromhex("FFFFFFFF FAAFFDDF 00 01 02 04 07 10 F1 F2 F3 FE 7F 80 FF")
 
@@ -57,6 +58,8 @@ def test_columns_say_what_the_slow_way_says(
     assert (told.end - told.start).tolist() == slow.length.tolist()
     assert told.kind.tolist() == slow.kind.tolist()
     assert told.servo_id.tolist() == slow.servo_id.tolist()
+    assert told.expected.tolist() == slow.expected.tolist()
+    assert told.got.tolist() == slow.got.tolist()
     many = [len(protocol.explain(data[a:b], a)) for a, b in edges]
     assert told.run.tolist() == np.repeat(np.arange(len(edges)), many).tolist()
 
@@ -80,7 +83,7 @@ def test_columns_of_gaps_and_anomalies_are_those_of_their_objects(name: str) -> 
         if len(batch.gaps):
             gaps = Gaps.of(batch.gaps)
             again = Gaps.of(tuple(batch.gaps))
-            for column in ("start", "length", "kind", "servo_id", "t_ns"):
+            for column in (*("start", "length", "kind", "servo_id", "t_ns"), *NUMBERS):
                 assert getattr(gaps, column).tolist() == getattr(again, column).tolist(), column
             assert [REASONS[k] for k in gaps.kind] == [g.reason for g in batch.gaps]
         if len(batch.anomalies):
@@ -88,6 +91,30 @@ def test_columns_of_gaps_and_anomalies_are_those_of_their_objects(name: str) -> 
             objects = Anomalies.of(list(batch.anomalies))
             for column in ("code", "t_ns", "servo_id", "at", "length", "known_at"):
                 assert getattr(found, column).tolist() == getattr(objects, column).tolist(), column
+
+
+@pytest.mark.parametrize("name", sorted(PROTOCOLS))
+def test_sentences_and_evidence_are_told_without_objects_as_with_them(name: str) -> None:
+    for batch, another in zip(damaged(name), damaged(name), strict=True):
+        told = Anomalies.of(batch.anomalies).told()
+        assert told == [(a.detail, a.evidence) for a in another.anomalies]
+        assert told == Anomalies.of(list(another.anomalies)).told()
+
+
+@pytest.mark.parametrize("name", SURVEYORS)
+def test_sentences_of_gaps_in_columns_are_those_of_gaps_that_are_objects(name: str) -> None:
+    for batch in damaged(name):
+        objects = replace(batch, gaps=tuple(batch.gaps))
+        assert gap_anomalies(batch).told() == gap_anomalies(objects).told()
+
+
+def test_a_gap_that_a_plug_in_explains_in_words_is_told_in_its_words() -> None:
+    detail = {"checksum_expected": "A5 or 5A", "checksum_got": "none", "fields": {}}
+    heard = Decoder("mightyzap").feed(Chunk(b""))
+    batch = replace(heard, data=b"\x01\x02", gaps=(Gap(0, 2, "damaged", detail, 7),))
+    ((sentence, evidence),) = gap_anomalies(batch).told()
+    assert sentence == "checksum should be A5 or 5A but is none in 01 02"
+    assert evidence == ((0, 2),)
 
 
 @pytest.mark.parametrize("name", sorted(PROTOCOLS))
@@ -131,3 +158,50 @@ def test_every_code_has_a_number() -> None:
     one = anomaly("noise", 7, -1, "a byte", (3, 1))
     assert list(Anomalies.of([one])) == [one]
     assert Anomalies.of([one]).servo_id.tolist() == [-1]
+
+
+def packet(*body: int) -> bytes:
+    return b"\xff\xff\xff" + bytes(body) + bytes([~sum(body) & 0xFF])
+
+
+def complaining(status: list[int]) -> bytes:
+    """Return talk in which two servos answer with these status bytes."""
+    return b"".join(
+        packet(1 + i % 2, 4, 0xF2, 0x8C, 2) + packet(1 + i % 2, 4, byte, 0x34, 0x08)
+        for i, byte in enumerate(status)
+    )
+
+
+@given(
+    status=st.lists(st.sampled_from([0, 0x02, 0x08, 0x20, 0x28]), min_size=1, max_size=30),
+    cut=st.integers(1, 400),
+)
+def test_what_servos_complain_of_is_one_in_columns_in_objects_and_however_it_is_cut(
+    status: list[int], cut: int
+) -> None:
+    data = complaining(status)
+    decoder, pieces_of = Decoder("mightyzap"), Decoder("mightyzap")
+    whole = [decoder.feed(Chunk(data)), decoder.close()]
+    parts = [pieces_of.feed(Chunk(data[a : a + cut])) for a in range(0, len(data), cut)]
+    told = [one for b in whole for one in Anomalies.of(b.anomalies).told()]
+    found = [a for b in (*parts, pieces_of.close()) for a in b.anomalies]
+    assert told == [(a.detail, a.evidence) for a in found]
+    for batch in whole:
+        columns, objects = Anomalies.of(batch.anomalies), Anomalies.of(list(batch.anomalies))
+        assert columns.code.tolist() == objects.code.tolist()
+        assert columns.servo_id.tolist() == objects.servo_id.tolist()
+        assert columns.at.tolist() == objects.at.tolist()
+
+
+def test_a_refusal_is_told_each_time_and_a_fault_when_it_begins_and_ends() -> None:
+    decoder = Decoder("mightyzap")
+    data = complaining([0x08, 0x20, 0x08, 0x20, 0x08, 0x00])
+    batches = [decoder.feed(Chunk(data)), decoder.close()]
+    told = [a.detail for b in batches for a in b.anomalies]
+    assert told == [
+        "servo 1 reports range (status 08)",
+        "servo 2 reports overload (status 20)",
+        "servo 1 reports range (status 08)",
+        "servo 1 reports range (status 08)",
+        "servo 2 no longer reports overload",
+    ]

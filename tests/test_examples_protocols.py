@@ -33,6 +33,7 @@ from sniffer.decoding.reference import Reference
 from sniffer.ground.checksums import XOR8
 from sniffer.ground.codes import OK, OUTCOMES, REQUEST
 from sniffer.ground.framing import Block
+from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import MALFORMED, UNUSUAL, Batch, Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
@@ -131,6 +132,19 @@ def test_any_recut_gives_equal_records_and_gaps(name: str, chain: int, data: st.
     whole = batches(Decoder(p), [chunks])
     assert records(one) == records(whole)
     assert gaps(one) == gaps(whole)
+
+
+@EVERY
+@given(data=st.data())
+def test_numbers_of_gaps_in_columns_are_those_of_their_objects(
+    name: str, data: st.DataObject
+) -> None:
+    p = protocol(name)
+    chunks = data.draw(chunked(data.draw(stream(name)), byte_time_ns(p.baud), p.tail_ns))
+    for batch in batches(Decoder(p), [chunks]):
+        found, objects = Gaps.of(batch.gaps), Gaps.of(tuple(batch.gaps))
+        assert found.expected.tolist() == objects.expected.tolist()
+        assert found.got.tolist() == objects.got.tolist()
 
 
 @EVERY

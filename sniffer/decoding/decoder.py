@@ -389,8 +389,8 @@ class Decoder(Remembering):
         if self._surveyor is not None and not self._remarks.doubts:
             found, kind = surveyed(self._surveyor, block, runs)
             times = self._stamps.at(found.end + self._base)
-            size = found.end - found.start
-            return Gaps(found.start, size, kind, found.servo_id, times, found.run, explain)
+            says = found.servo_id, (found.expected, found.got), times
+            return Gaps(found.start, found.end - found.start, kind, *says, found.run, explain)
         out: list[Gap] = []
         for i, closed in enumerate(runs.closed.tolist()):
             told = explain(i)

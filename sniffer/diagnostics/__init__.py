@@ -70,7 +70,6 @@ class Diagnostics(Remembering):
     def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
         """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
         few = [
-            *self._device.judge(batch, meaning),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *(self._wire.judge(batch) if self._wire is not None else ()),
             *self._alarms.judge(batch),
@@ -78,8 +77,9 @@ class Diagnostics(Remembering):
         found = Anomalies.joined(
             [
                 gap_anomalies(batch),
-                Anomalies.of([*protocol_anomalies(batch, self._protocol)]),
+                protocol_anomalies(batch, self._protocol),
                 *self._pairing.judge(batch),
+                *self._device.judge(batch, meaning),
                 Anomalies.of(few),
             ]
         )

@@ -9,7 +9,6 @@ import numpy as np
 
 from sniffer.diagnostics.ambiguous import Ambiguity, Missed, Open, Span
 from sniffer.diagnostics.found import NUMBER, Anomalies
-from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import (
     DAMAGED,
     MISMATCHED,
@@ -25,7 +24,8 @@ from sniffer.ground.model import ANY_ID, DEPTH
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.ground.model import I64, U8, Anomaly, Batch
+    from sniffer.diagnostics.found import Told
+    from sniffer.ground.model import I64, U8, Batch
     from sniffer.protocols.base import BusProtocol
 
 LATE_SPAN_NS: Final = 3_000_000_000
@@ -182,25 +182,29 @@ class PairingRules(Remembering):
         else:
             self._remember(missed, 0, len(mine))
 
-        def make(i: int) -> Anomaly:
-            op, servo, t_ns = self._op(rows.op.item(i)), rows.servo_id.item(i), rows.t_ns.item(i)
-            name = f"servo {servo}" if servo >= 0 else "no servo"
-            match rows.outcome.item(i):
-                case outcome if outcome == NO_RESPONSE:
-                    text = f"{name} did not answer {op}"
-                    return anomaly("no-response", t_ns, servo, text, rows.span(i))
-                case outcome if outcome == DAMAGED:
-                    text = f"torn bytes where {name} should answer {op}"
-                    return anomaly("damaged-response", t_ns, servo, text, rows.span(i))
-                case outcome if outcome == MISMATCHED:
-                    text, spans = self._misfit(batch, rows, i, op), (rows.span(i), rows.answer(i))
-                    return anomaly("mismatched-response", t_ns, servo, text, *spans)
-                case outcome if outcome == UNSOLICITED:
-                    return _unasked(servo, t_ns, rows.answer(i), twice.get(i), after.get(i))
-                case _:
-                    return self._too_late(batch, rows, i, name, op)
+        def tell(mine: Sequence[int]) -> list[Told]:
+            columns = (rows.outcome, rows.op, rows.servo_id, rows.asked, rows.asked_length)
+            out: list[Told] = []
+            for i, outcome, op, servo, *asked in zip(
+                mine, *(column[mine].tolist() for column in columns), strict=True
+            ):
+                name = f"servo {servo}" if servo >= 0 else "no servo"
+                if outcome == NO_RESPONSE:
+                    out.append((f"{name} did not answer {self._op(op)}", (tuple(asked),)))
+                elif outcome == DAMAGED:
+                    text = f"torn bytes where {name} should answer {self._op(op)}"
+                    out.append((text, (tuple(asked),)))
+                elif outcome == MISMATCHED:
+                    text = self._misfit(batch, rows, i, self._op(op))
+                    out.append((text, (tuple(asked), rows.answer(i))))
+                elif outcome == UNSOLICITED:
+                    out.append(_unasked(servo, rows.answer(i), twice.get(i), after.get(i)))
+                else:
+                    text = self._too_late(batch, rows, i, name, self._op(op))
+                    out.append((text, (tuple(asked), rows.answer(i))))
+            return out
 
-        return Anomalies(code, rows.t_ns, who, at, length, known_at, make)
+        return Anomalies(code, rows.t_ns, who, at, length, known_at, tell)
 
     def _may_be_open(self, still: Open, offset: int) -> bool:
         return offset - sum(still.span) <= self._protocol.reach
@@ -253,18 +257,15 @@ class PairingRules(Remembering):
             name = self._names[op] = self._protocol.op_name(op)
         return name
 
-    def _too_late(self, batch: Batch, rows: _Wrong, i: int, name: str, op: str) -> Anomaly:
+    def _too_late(self, batch: Batch, rows: _Wrong, i: int, name: str, op: str) -> str:
         t, row = batch.transactions, int(rows.at[i])
         took, spread = int(t.response_time_ns[row]) / 1e6, int(t.uncertainty_ns[row]) / 1e6
         asked = batch.asked(rows.request[i : i + 1])
         window = int(self._protocol.window_ns(asked)[0]) / 1e6
-        text = (
+        return (
             f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
             f"expected within {window:.2f} ms"
         )
-        who = int(batch.frames.servo_id[rows.response[i]])
-        spans = rows.span(i), rows.answer(i)
-        return anomaly("late-response", int(rows.t_ns[i]), who, text, *spans)
 
     def _remember(self, missed: Missed, first: int, until: int) -> None:
         """Take the batch's own requests from one to another among those that stay open."""
@@ -340,17 +341,13 @@ def _nothing(row: int) -> Open:
     raise IndexError(row)
 
 
-def _unasked(
-    who: int, t_ns: int, span: Span, twice: Span | None, after: tuple[Open, int] | None
-) -> Anomaly:
+def _unasked(who: int, span: Span, twice: Span | None, after: tuple[Open, int] | None) -> Told:
     """Tell of an answer that nothing asked for: a second one, a late one, or neither."""
     if twice is not None:
-        text = f"servo {who} answered twice in a row"
-        return anomaly("duplicate-response", t_ns, who, text, twice, span)
+        return f"servo {who} answered twice in a row", (twice, span)
     if after is not None:
         still, took = after
         text = f"servo {who} answered {still.op} only after {took / 1e6:.2f} ms"
-        return anomaly("late-response", t_ns, who, text, span, still.span)
+        return text, (span, still.span)
     name = f"servo {who}" if who >= 0 else "a servo"
-    text = f"{name} answered, but nothing was asked"
-    return anomaly("unsolicited-response", t_ns, who, text, span)
+    return f"{name} answered, but nothing was asked", (span,)

@@ -8,7 +8,8 @@ import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.edges import Edges
-from sniffer.diagnostics.rules import anomaly
+from sniffer.diagnostics.found import NONE, NUMBER, Anomalies
+from sniffer.diagnostics.rules import anomaly, of_frames
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
 from sniffer.ground.memory import Remembering
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnostics.learned import Change, Meaning
-    from sniffer.ground.model import Anomaly, Batch, Samples
+    from sniffer.ground.model import I16, I64, Anomaly, Batch, Mask, Samples
+    from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol, Extremes
 
 STATUS_BITS: Final = 15
@@ -30,6 +32,40 @@ def device_code(name: str) -> str:
     """Return the code of a status name: ``device-alarm`` where it has none of its own."""
     code = f"device-{name.replace('_', '-')}"
     return code if code in CATALOGUE else "device-alarm"
+
+
+def _reported(
+    batch: Batch,
+    name: str,
+    rows: I64,
+    t_ns: I64,
+    servo_id: I16,
+    is_over: Mask,
+    status: I64 | None,
+) -> Anomalies:
+    """Return what frames report of a fault, and that it is over; ``status``: the bytes, if any."""
+    words = name.replace("_", " ")
+
+    def tell(mine: Sequence[int]) -> list[str]:
+        behind = [""] * len(mine)
+        if status is not None:
+            behind = [f" (status {byte:02X})" for byte in status[mine].tolist()]
+        return [
+            f"servo {who} no longer reports {words}"
+            if over
+            else f"servo {who} reports {words}{more}"
+            for who, over, more in zip(
+                servo_id[mine].tolist(), is_over[mine].tolist(), behind, strict=True
+            )
+        ]
+
+    code = np.where(is_over, NUMBER["device-recovered"], NUMBER[device_code(name)])
+    return of_frames(batch, rows, code, t_ns, servo_id, tell)
+
+
+def _out_of_range(register: Register, raw: int) -> str:
+    low, high = register.range or (0, 0)
+    return f"{register.name} is {raw}, the manual has {low}..{high}"
 
 
 class DeviceRules(Remembering):
@@ -56,22 +92,22 @@ class DeviceRules(Remembering):
         del at
         return {}
 
-    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Iterator[Anomaly]:
+    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Iterator[Anomalies]:
         """Report what began, what ended, and what a servo was told about the bus."""
         if meaning is not None:
-            yield from self._reset_ids(batch, meaning.resets)
+            yield Anomalies.of([*self._reset_ids(batch, meaning.resets)])
         yield from self._status_bits(batch)
         v = batch.values
         if len(v):
             if self._any_outside or meaning is None or not self._is_within(meaning.extremes):
-                yield from self._ranges(batch, v)
+                yield self._ranges(batch, v)
             yield from self._alarm_values(batch, v)
-            yield from self._bus_changes(batch, v)
+            yield Anomalies.of([*self._bus_changes(batch, v)])
 
     def _at(self, batch: Batch, row: int) -> tuple[int, int]:
         return batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
 
-    def _status_bits(self, batch: Batch) -> Iterator[Anomaly]:
+    def _status_bits(self, batch: Batch) -> Iterator[Anomalies]:
         f = batch.frames
         rows = np.flatnonzero(f.status >= 0)
         if not len(rows):
@@ -90,16 +126,12 @@ class DeviceRules(Remembering):
             mask = 1 << bit
             if self._refusal[bit]:
                 rise, fall = flag, np.zeros(len(flag), bool)  # a refusal is an event, not a state
-            for i in np.flatnonzero(rise | fall).tolist():
-                row, who = int(rows[i]), int(f.servo_id[rows[i]])
+            turned = np.flatnonzero(rise | fall)
+            if len(turned):
                 name = (*self._protocol.status_names(mask), f"bit{bit}")[0]
-                words, at = name.replace("_", " "), self._at(batch, row)
-                if fall[i]:
-                    code, text = "device-recovered", f"servo {who} no longer reports {words}"
-                else:
-                    code = device_code(name)
-                    text = f"servo {who} reports {words} (status {int(status[i]):02X})"
-                yield anomaly(code, int(f.t_end[row]), who, text, at)
+                row = rows[turned]
+                columns = f.t_end[row], f.servo_id[row], fall[turned], status[turned]
+                yield _reported(batch, name, row, *columns)
 
     def _is_within(self, extremes: Mapping[int, Extremes] | None) -> bool:
         """Tell whether no value can be out of range, as the extremes of none are."""
@@ -108,16 +140,16 @@ class DeviceRules(Remembering):
             low[k] <= least and most <= high[k] for k, (least, most) in extremes.items()
         )
 
-    def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
+    def _ranges(self, batch: Batch, v: Samples) -> Anomalies:
         """Report what was written out of range each time, what was measured when it begins."""
         register = v.register.astype(np.intp)  # as numpy looks up fastest
         if not self._any_outside:
             out = (v.raw < self._known.low[register]) | (v.raw > self._known.high[register])
             if not out.any():
-                return
+                return NONE
         mine = np.flatnonzero(self._known.has_range[register] & (v.part == WHOLE))
         if not len(mine):
-            return
+            return NONE
         register, raw = register[mine], v.raw[mine]
         outside = (raw < self._known.low[register]) | (raw > self._known.high[register])
         for i, codes in self._known.special.items():
@@ -128,36 +160,29 @@ class DeviceRules(Remembering):
         key = (v.servo_id[mine[measured]] & 255).astype(np.int64) * len(self._known.low)
         rise[measured] = self._outside.feed(key + register[measured], outside[measured])[0]
         self._any_outside |= bool(outside.any())
-        rise = mine[rise]
-        for i in rise.tolist():
-            r = self._protocol.registers[int(v.register[i])]
-            low, high = r.range or (0, 0)
-            who, row = int(v.servo_id[i]), int(v.row[i])
-            text = f"{r.name} is {int(v.raw[i])}, the manual has {low}..{high}"
-            yield anomaly("value-out-of-range", int(v.t_ns[i]), who, text, self._at(batch, row))
+        out_of = mine[rise]
+        registers = self._protocol.registers
 
-    def _alarm_values(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
+        def tell(some: Sequence[int]) -> list[str]:
+            at = out_of[some]
+            told = zip(v.register[at].tolist(), v.raw[at].tolist(), strict=True)
+            return [_out_of_range(registers[number], value) for number, value in told]
+
+        code = np.full(len(out_of), NUMBER["value-out-of-range"])
+        return of_frames(batch, v.row[out_of], code, v.t_ns[out_of], v.servo_id[out_of], tell)
+
+    def _alarm_values(self, batch: Batch, v: Samples) -> Iterator[Anomalies]:
         for index, (register, edges) in self._alarms.items():
             mine = np.flatnonzero((v.register == index) & v.accepted)
             servo = (v.servo_id[mine] & 255).astype(np.int64)
             for raw, one in zip(register.alarms, edges, strict=True):
                 rise, fall = one.feed(servo, v.raw[mine] == raw)
                 name = register.values.get(raw, f"{register.name} {raw}")
-                for i in np.flatnonzero(rise | fall).tolist():
-                    k = int(mine[i])
-                    who, at = int(v.servo_id[k]), self._at(batch, int(v.row[k]))
-                    words = name.replace("_", " ")
-                    if rise[i]:
-                        yield anomaly(
-                            device_code(name),
-                            int(v.t_ns[k]),
-                            who,
-                            f"servo {who} reports {words}",
-                            at,
-                        )
-                    else:
-                        text = f"servo {who} no longer reports {words}"
-                        yield anomaly("device-recovered", int(v.t_ns[k]), who, text, at)
+                turned = np.flatnonzero(rise | fall)
+                if len(turned):
+                    k = mine[turned]
+                    columns = v.t_ns[k], v.servo_id[k], fall[turned], None
+                    yield _reported(batch, name, v.row[k], *columns)
 
     def _reset_ids(self, batch: Batch, resets: Sequence[Change]) -> Iterator[Anomaly]:
         for c in resets:

@@ -1,13 +1,23 @@
 """Anomalies in columns: what was found, where and of whom is known at once, the sentences later.
 
-A rule that finds a lot gives columns and how to make one anomaly of a row; one that finds little
-gives anomalies. Sorting, counting and looking for codes takes the columns; the objects are made for
-those who look at them.
+A rule that finds a lot gives columns, and how to tell what is in none of them (sentence and
+evidence) of some of its rows; one that finds little gives anomalies. Sorting, counting and looking
+for codes takes the columns; a table takes the sentences beside them; objects are made for those who
+look at them.
+
+A batch's five rows, from two rules (``part``), whose own rows (``row``) are told in one call each::
+
+    code              at   part  row        tell
+    bad-checksum       9    0     0     \
+    no-response       18    1     0      |  part 0: rows 0, 1, 2 -> three sentences
+    truncated-frame   40    0     1      |  part 1: rows 0, 1    -> two
+    no-response       52    1     1      |
+    noise             70    0     2     /
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -20,12 +30,27 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import I64
 
+    Told = tuple[str, tuple[tuple[int, int], ...]]
+    """The sentence and the evidence of an anomaly."""
+
+    Tell = Callable[[Sequence[int]], Sequence[Told]]
+    """Tells them of some rows."""
+
 CODES: Final = tuple(sorted(CATALOGUE))
 """All codes in the order of their names; columns hold the number."""
 
 NUMBER: Final = {code: i for i, code in enumerate(CODES)}
 
 SEVERITY: Final = tuple(CATALOGUE[code].severity for code in CODES)
+
+_GROUP: Final = tuple(CATALOGUE[code].group for code in CODES)
+
+
+class _Origin(NamedTuple):
+    """Where rows come from: what tells the rest of them, and objects that are there already."""
+
+    tell: Tell
+    made: Sequence[Anomaly] | None = None
 
 
 class Anomalies(Lazy[Anomaly]):
@@ -37,8 +62,8 @@ class Anomalies(Lazy[Anomaly]):
     """
 
     __slots__ = (
-        "_makers",
         "_part",
+        "_parts",
         "_row",
         "at",
         "code",
@@ -57,15 +82,15 @@ class Anomalies(Lazy[Anomaly]):
         at: I64,
         length: I64,
         known_at: I64,
-        make: Callable[[int], Anomaly],
+        tell: Tell,
     ) -> None:
-        """Take the columns, and what makes the anomaly of a row."""
+        """Take the columns, and what tells sentence and evidence of some rows."""
         super().__init__(len(code))
         self.code, self.t_ns, self.servo_id = code, t_ns, servo_id
         self.at, self.length, self.known_at, self.told_at = at, length, known_at, known_at
         self._part = np.zeros(len(code), np.int64)
         self._row = np.arange(len(code))
-        self._makers: tuple[Callable[[int], Anomaly], ...] = (make,)
+        self._parts: tuple[_Origin, ...] = (_Origin(tell),)
 
     @classmethod
     def of(cls, found: Sequence[Anomaly]) -> Anomalies:
@@ -87,7 +112,13 @@ class Anomalies(Lazy[Anomaly]):
             ],
             np.int64,
         ).T
-        return cls(code, t_ns, who, at, length, known_at, found.__getitem__)
+
+        def tell(rows: Sequence[int]) -> list[Told]:
+            return [(found[i].detail, found[i].evidence) for i in rows]
+
+        out = cls(code, t_ns, who, at, length, known_at, tell)
+        out._parts = (_Origin(tell, found),)
+        return out
 
     @classmethod
     def joined(cls, parts: Sequence[Anomalies]) -> Anomalies:
@@ -99,12 +130,12 @@ class Anomalies(Lazy[Anomaly]):
         Lazy.__init__(out, sum(map(len, some)))
         for name in ("code", "t_ns", "servo_id", "at", "length", "known_at", "told_at", "_row"):
             setattr(out, name, np.concatenate([getattr(part, name) for part in some]))
-        makers: list[Callable[[int], Anomaly]] = []
+        parts_of_all: list[_Origin] = []
         of = []
         for part in some:
-            of.append(part._part + len(makers))
-            makers += part._makers
-        out._part, out._makers = np.concatenate(of), tuple(makers)
+            of.append(part._part + len(parts_of_all))
+            parts_of_all += part._parts
+        out._part, out._parts = np.concatenate(of), tuple(parts_of_all)
         return out
 
     def take(self, rows: I64) -> Anomalies:
@@ -112,25 +143,51 @@ class Anomalies(Lazy[Anomaly]):
         out = Anomalies.__new__(Anomalies)
         Lazy.__init__(out, len(rows))
         for name in self.__slots__:
-            if name != "_makers":
+            if name != "_parts":
                 setattr(out, name, getattr(self, name)[rows])
-        out._makers = self._makers
+        out._parts = self._parts
         return out
 
     def rows(self, code: str) -> I64:
         """Return the rows of one code."""
         return np.flatnonzero(self.code == NUMBER[code])
 
+    def told(self) -> list[Told]:
+        """Return sentence and evidence of every row; no object is made for it."""
+        if self._made is not None:
+            return [(a.detail, a.evidence) for a in self._made]
+        out: list[Told] = [("", ())] * len(self)
+        for number, part in enumerate(self._parts):
+            mine = np.flatnonzero(self._part == number)
+            if len(mine):
+                told = part.tell(self._row[mine].tolist())
+                for i, one in zip(mine.tolist(), told, strict=True):
+                    out[i] = one
+        return out
+
     def _one(self, i: int) -> Anomaly:
-        return self._makers[int(self._part[i])](int(self._row[i]))
+        part, row = self._parts[self._part.item(i)], self._row.item(i)
+        if part.made is not None:
+            return part.made[row]
+        (told,) = part.tell([row])
+        return _anomaly(self.code.item(i), self.t_ns.item(i), self.servo_id.item(i), told)
 
     def _all(self) -> Iterator[Anomaly]:
-        for part, row in zip(self._part.tolist(), self._row.tolist(), strict=True):
-            yield self._makers[part](row)
+        made = [part.made for part in self._parts]
+        columns = (self._part, self._row, self.code, self.t_ns, self.servo_id)
+        each = zip(*(column.tolist() for column in columns), strict=True)
+        for (part, row, code, t_ns, who), told in zip(each, self.told(), strict=True):
+            objects = made[part]
+            yield _anomaly(code, t_ns, who, told) if objects is None else objects[row]
 
 
-def _none(row: int) -> Anomaly:
-    raise IndexError(row)
+def _anomaly(code: int, t_ns: int, servo_id: int, told: Told) -> Anomaly:
+    who = None if servo_id < 0 else servo_id
+    return Anomaly(t_ns, SEVERITY[code], _GROUP[code], CODES[code], who, *told)
+
+
+def _none(rows: Sequence[int]) -> Sequence[Told]:
+    raise IndexError(rows)
 
 
 _EMPTY: Final = np.empty(0, np.int64)

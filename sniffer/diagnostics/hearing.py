@@ -22,7 +22,7 @@ from sniffer.ground.model import NEVER_NS, Anomaly, Direction
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.ground.model import Batch
+    from sniffer.ground.model import I64, Batch
 
 ENOUGH: Final = 8
 """Requests without any answer (answers without any request) from which on only one side is heard.
@@ -68,9 +68,19 @@ class Hearing(Remembering):
         early = (found.code == NUMBER["no-response"]) & (found.at < answered)
         here = stray | early
         place, told = [np.flatnonzero(~here)], [found.take(np.flatnonzero(~here))]
-        for i in np.flatnonzero(here).tolist():
+        rows = np.flatnonzero(here)
+        torn = np.isin(found.at[rows], self._torn_ends(batch))
+        columns = (rows, stray[rows], torn, found.servo_id[rows])
+        for i, is_stray, is_torn, who in zip(*(c.tolist() for c in columns), strict=True):
+            # Of a wire alone there may be millions: what is only counted needs no object.
+            if is_stray and not is_torn and self._answers >= ENOUGH:
+                self._answers += 1
+                continue
+            if not is_stray and self._is_known(who):
+                self._count += 1
+                continue
             a = found[i]
-            new = self._unasked(batch, a) if stray[i] else self._unanswered(a)
+            new = self._unasked(a, is_torn=is_torn) if is_stray else self._unanswered(a)
             place.append(np.full(len(new), i))
             told.append(Anomalies.of(new))
         if batch.data:
@@ -102,14 +112,21 @@ class Hearing(Remembering):
             return -1
         return batch.base + int(batch.frames.start[rows[0]]) if len(rows) else NEVER_NS
 
-    def _unasked(self, batch: Batch, a: Anomaly) -> Sequence[Anomaly]:
-        """Judge an answer before the first request."""
-        start = a.evidence[0][0] - batch.base
+    def _torn_ends(self, batch: Batch) -> I64:
+        """Return where broken frames end: of an answer right behind one the request is damaged."""
         gaps = Gaps.of(batch.gaps)
-        before = gaps.kind[gaps.start + gaps.length == start]
-        torn = ((before != NOISE) & (before != BLANK)).any()
-        if torn or a.evidence[0][0] == self._broken:
-            return (a,)  # its request is there, but damaged
+        torn = (gaps.kind != NOISE) & (gaps.kind != BLANK)
+        return np.append((gaps.start + gaps.length)[torn] + batch.base, self._broken)
+
+    def _is_known(self, servo_id: int) -> bool:
+        """Tell whether one more request without an answer is nothing new."""
+        no_news = servo_id < 0 or servo_id in self._servos
+        return self._told or (self._count >= ENOUGH and no_news)
+
+    def _unasked(self, a: Anomaly, *, is_torn: bool) -> Sequence[Anomaly]:
+        """Judge an answer before the first request."""
+        if is_torn:
+            return (a,)
         self._answers += 1
         who = -1 if a.servo_id is None else a.servo_id
         if self._answers == 1:

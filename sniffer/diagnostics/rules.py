@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import CODES, NONE, NUMBER, Anomalies
+from sniffer.diagnostics.found import NONE, NUMBER, Anomalies
 from sniffer.ground import gaps
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.memory import Remembering
@@ -21,12 +22,13 @@ from sniffer.ground.model import (
     Batch,
     Clock,
     Direction,
-    Gap,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from sniffer.diagnostics.found import Told
+    from sniffer.ground.model import I16, I64
     from sniffer.protocols.base import BusProtocol
 
 
@@ -42,6 +44,9 @@ def anomaly(
 def _hex(value: Any) -> str:
     return f"{value:02X}" if isinstance(value, int) else str(value)
 
+
+SHOWN: Final = 24
+"""Bytes of a gap that are shown."""
 
 _GAP_CODES: Final = np.array(
     [
@@ -70,61 +75,122 @@ def gap_anomalies(batch: Batch) -> Anomalies:
     if not batch.base and len(rows) and not at[0] and found.kind[rows[0]] == gaps.NOISE:
         code[0] = NUMBER["capture-start"]
 
-    def make(i: int) -> Anomaly:
-        row = rows.item(i)
-        gap = found[row]
-        span = batch.base + gap.start, gap.length
-        who = found.servo_id.item(row)
-        return anomaly(CODES[code.item(i)], gap.t_ns, who, _gap_text(batch, gap), span)
+    def tell(mine: Sequence[int]) -> list[Told]:
+        return _told_gaps(batch, found, rows[mine])
 
-    return Anomalies(code, found.t_ns[rows], found.servo_id[rows], at, found.length[rows], at, make)
+    return Anomalies(code, found.t_ns[rows], found.servo_id[rows], at, found.length[rows], at, tell)
 
 
-def _gap_text(batch: Batch, gap: Gap) -> str:
-    d = gap.detail
-    run = batch.data[gap.start : gap.start + gap.length]
-    shown = run[:24].hex(" ").upper() + (" ..." if len(run) > 24 else "")
-    if "line_errors" in d:
-        shown += f" (the UART told {d['line_errors']} line errors here)"
-    if gap.reason == "damaged":
-        if "checksum_expected" in d:
-            return (
-                f"checksum should be {_hex(d['checksum_expected'])} but is "
-                f"{_hex(d['checksum_got'])} in {shown}"
-            )
-        why = ", ".join(f"{k} {v}" for k, v in d.items() if k not in ("fields", "line_errors"))
-        return f"not a whole frame ({why}): {shown}"
-    if gap.reason in ("truncated", "idle_tail"):
-        need = f" of {d['need']}" if "need" in d else ""
-        how = "then the next one begins" if gap.reason == "truncated" else "then nothing more"
-        return f"{d.get('have', gap.length)}{need} bytes of a frame, {how}: {shown}"
-    if batch.base + gap.start == 0:
-        return f"{gap.length} bytes before the first frame: {shown}"
-    plural = "byte" if gap.length == 1 else "bytes"
-    return f"{gap.length} {plural} that no frame claims: {shown}"
+def _told_gaps(batch: Batch, found: gaps.Gaps, rows: I64) -> list[Told]:
+    """Return what is said of some gaps; of most their columns tell it, and no object is made."""
+    base, data = batch.base, batch.data
+    names = ("start", "length", "kind", "expected", "got", "is_told")
+    columns = [getattr(found, name)[rows].tolist() for name in names]
+    out: list[Told] = []
+    for row, start, length, kind, expected, got, is_told in zip(
+        rows.tolist(), *columns, strict=True
+    ):
+        shown = data[start : start + min(length, SHOWN)].hex(" ").upper()
+        if length > SHOWN:
+            shown += " ..."
+        if is_told:
+            text = _gap_text(kind, base + start, length, expected, got)
+        else:
+            detail = found[row].detail
+            text = _gap_text(kind, base + start, length, *gaps.numbers_in(detail, kind), detail)
+            if gaps.ERRORS_HERE in detail:
+                shown += f" (the UART told {detail[gaps.ERRORS_HERE]} line errors here)"
+        out.append((f"{text}{shown}", ((base + start, length),)))
+    return out
 
 
-def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]:
+def _gap_text(
+    kind: int,
+    at: int,
+    length: int,
+    expected: Any,
+    got: Any,
+    detail: Mapping[str, Any] = MappingProxyType({}),
+) -> str:
+    """Return a sentence up to the bytes; numbers as in ``Gaps``, ``detail`` of what has none."""
+    match kind:
+        case gaps.CHECKSUM:
+            return f"checksum should be {_hex(expected)} but is {_hex(got)} in "
+        case gaps.DAMAGED:
+            beside = ("fields", gaps.ERRORS_HERE)
+            why = ", ".join(f"{k} {v}" for k, v in detail.items() if k not in beside)
+            return f"not a whole frame ({why}): "
+        case gaps.TRUNCATED | gaps.IDLE_TAIL:
+            need = "" if expected == gaps.UNTOLD else f" of {expected}"
+            how = "then the next one begins" if kind == gaps.TRUNCATED else "then nothing more"
+            return f"{length if got == gaps.UNTOLD else got}{need} bytes of a frame, {how}: "
+        case _ if not at:
+            return f"{length} bytes before the first frame: "
+        case _:
+            return f"{length} {'byte' if length == 1 else 'bytes'} that no frame claims: "
+
+
+_ODD: Final = (
+    (MALFORMED, "malformed-body", "{op} with a body it cannot have: {shown}"),
+    (UNKNOWN, "unknown-command", "{op} stands in no manual: {shown}"),
+    (UNUSUAL, "unusual-form", "{op} not in the manual's form: {shown}"),
+    (ECHO_DIFFERS, "echo-mismatch", "the answer to {op} does not repeat it: {shown}"),
+)
+"""What flags of a frame that holds are called, and what is said of it."""
+
+
+def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Anomalies:
     """Report frames that hold but are not as the manual has them."""
     f = batch.frames
     if not f.flags.any():
-        return
-    odd = (f.flags & (MALFORMED | UNKNOWN | UNUSUAL | ECHO_DIFFERS) > 0) & (f.flags & ECHO == 0)
-    for i in np.flatnonzero(odd).tolist():
-        flags, op = int(f.flags[i]), protocol.op_name(int(f.op[i]))
-        at = (batch.base + int(f.start[i]), int(f.length[i]))
-        shown = batch.data[int(f.start[i]) : int(f.start[i]) + at[1]][:32].hex(" ").upper()
-        who, t = int(f.servo_id[i]), int(f.t_end[i])
-        if flags & MALFORMED:
-            yield anomaly("malformed-body", t, who, f"{op} with a body it cannot have: {shown}", at)
-        if flags & UNKNOWN:
-            yield anomaly("unknown-command", t, who, f"{op} stands in no manual: {shown}", at)
-        if flags & UNUSUAL:
-            yield anomaly("unusual-form", t, who, f"{op} not in the manual's form: {shown}", at)
-        if flags & ECHO_DIFFERS:
-            yield anomaly(
-                "echo-mismatch", t, who, f"the answer to {op} does not repeat it: {shown}", at
-            )
+        return NONE
+    own = f.flags & ECHO == 0
+    return Anomalies.joined(
+        [
+            _odd(batch, protocol, np.flatnonzero(own & (f.flags & flag > 0)), code, text)
+            for flag, code, text in _ODD
+        ]
+    )
+
+
+def _odd(batch: Batch, protocol: BusProtocol, rows: I64, code: str, text: str) -> Anomalies:
+    f, data = batch.frames, batch.data
+
+    def tell(mine: Sequence[int]) -> list[str]:
+        at = rows[mine]
+        start, ops = f.start[at], f.op[at].tolist()
+        stop = start + np.minimum(f.length[at], 32)
+        names = {op: protocol.op_name(op) for op in set(ops)}
+        return [
+            text.format(op=names[op], shown=data[a:b].hex(" ").upper())
+            for op, a, b in zip(ops, start.tolist(), stop.tolist(), strict=True)
+        ]
+
+    codes = np.full(len(rows), NUMBER[code])
+    return of_frames(batch, rows, codes, f.t_end[rows], f.servo_id[rows], tell)
+
+
+def of_frames(
+    batch: Batch,
+    rows: I64,
+    code: I64,
+    t_ns: I64,
+    servo_id: I16 | I64,
+    tell: Callable[[Sequence[int]], Sequence[str]],
+) -> Anomalies:
+    """Return anomalies of which each has one frame as evidence.
+
+    ``rows`` are those of the frames; ``tell`` gives the sentences of some, by their places in it.
+    """
+    at = batch.frames.start[rows] + batch.base
+    length = batch.frames.length[rows].astype(np.int64)
+
+    def told(mine: Sequence[int]) -> list[Told]:
+        places = zip(at[mine].tolist(), length[mine].tolist(), strict=True)
+        return [(text, (place,)) for text, place in zip(tell(mine), places, strict=True)]
+
+    who = np.maximum(servo_id.astype(np.int64), -1)
+    return Anomalies(code, t_ns, who, at, length, at, told)
 
 
 class CaptureRules(Remembering):

@@ -7,7 +7,7 @@ looked at: a sink that writes tables counts them, and no more.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeVar, overload
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from sniffer.ground.model import Gap
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, U8
+    from sniffer.ground.model import I64, U8, Mask
 
 T = TypeVar("T")
 
@@ -24,6 +24,13 @@ NOISE, BLANK, CHECKSUM, DAMAGED, TRUNCATED, IDLE_TAIL = range(6)
 
 REASONS: Final = ("noise", "noise", "damaged", "damaged", "truncated", "idle_tail")
 """The reason of each kind."""
+
+
+UNTOLD: Final = -1
+"""A number that is not told."""
+
+ERRORS_HERE: Final = "line_errors"
+"""What the tap remarked about a gap, beside why no frame claims it."""
 
 
 class Lazy(Sequence[T]):
@@ -90,10 +97,15 @@ class Lazy(Sequence[T]):
 class Gaps(Lazy[Gap]):
     """The gaps of a batch, in order; offsets and lengths in bytes of its data.
 
-    ``servo_id`` is whose frame it may have been, -1 where nothing tells.
+    ``servo_id`` is whose frame it may have been, -1 where nothing tells. ``expected`` and ``got``
+    are numbers: what a checksum should be and is, or how many bytes a frame should have and has
+    that is cut off; -1: not told. ``is_told``: kind and numbers are all there is to say of it.
     """
 
-    __slots__ = ("_explain", "_known", "_run", "kind", "length", "servo_id", "start", "t_ns")
+    __slots__ = (
+        *("_explain", "_known", "_run"),
+        *("expected", "got", "is_told", "kind", "length", "servo_id", "start", "t_ns"),
+    )
 
     def __init__(
         self,
@@ -101,6 +113,7 @@ class Gaps(Lazy[Gap]):
         length: I64,
         kind: U8,
         servo_id: I64,
+        numbers: tuple[I64, I64],
         t_ns: I64,
         run: I64,
         explain: Callable[[int], Sequence[Gap]],
@@ -112,6 +125,8 @@ class Gaps(Lazy[Gap]):
         super().__init__(len(start))
         self.start, self.length, self.kind = start, length, kind
         self.servo_id, self.t_ns = servo_id, t_ns
+        self.expected, self.got = numbers
+        self.is_told: Mask = kind != DAMAGED
         self._run, self._explain = run, explain
         self._known: dict[int, Sequence[Gap]] = {}
 
@@ -120,15 +135,18 @@ class Gaps(Lazy[Gap]):
         """Return gaps that are objects already with their columns."""
         if isinstance(gaps, cls):
             return gaps
+        expected, got, is_told = zip(*map(_numbers, gaps), strict=True) if gaps else ((), (), ())
         out = cls(
             np.array([g.start for g in gaps], np.int64),
             np.array([g.length for g in gaps], np.int64),
             np.array([_kind(g) for g in gaps], np.uint8),
             np.array([_servo(g) for g in gaps], np.int64),
+            (np.array(expected, np.int64), np.array(got, np.int64)),
             np.array([g.t_ns for g in gaps], np.int64),
             np.arange(len(gaps)),
             lambda i: gaps[i : i + 1],
         )
+        out.is_told &= np.array(is_told, bool)
         out._made = tuple(gaps)
         return out
 
@@ -146,12 +164,14 @@ class Gaps(Lazy[Gap]):
 
         columns = [
             np.concatenate([getattr(part, name) for part, _ in parts])
-            for name in ("length", "kind", "servo_id", "t_ns")
+            for name in ("length", "kind", "servo_id", "expected", "got", "t_ns", "is_told")
         ]
         start = np.concatenate([part.start + shift for part, shift in parts])
         run = np.concatenate([part._run + b for (part, _), b in zip(parts, begins, strict=False)])
-        length, kind, servo_id, t_ns = columns
-        return cls(start, length, kind, servo_id, t_ns, run, explain)
+        length, kind, servo_id, expected, got, t_ns, is_told = columns
+        out = cls(start, length, kind, servo_id, (expected, got), t_ns, run, explain)
+        out.is_told = is_told
+        return out
 
     def _all(self) -> Iterator[Gap]:
         times = iter(self.t_ns.tolist())
@@ -196,3 +216,18 @@ def _servo(gap: Gap) -> int:
     fields = gap.detail.get("fields", {})
     who = fields.get("servo_id", -1) if isinstance(fields, dict) else -1
     return who if isinstance(who, int) else -1
+
+
+def _numbers(gap: Gap) -> tuple[int, int, bool]:
+    """Return what is expected and got, and whether there is nothing beside."""
+    expected, got = numbers_in(gap.detail, _kind(gap))
+    if not (isinstance(expected, int) and isinstance(got, int)):
+        return UNTOLD, UNTOLD, False  # a plug-in may tell them as it likes
+    return expected, got, ERRORS_HERE not in gap.detail
+
+
+def numbers_in(detail: Mapping[str, Any], kind: int) -> tuple[Any, Any]:
+    """Return what a gap's detail says is expected and got."""
+    names = ("checksum_expected", "checksum_got") if kind == CHECKSUM else ("need", "have")
+    expected, got = (detail.get(name, UNTOLD) for name in names)
+    return expected, got

@@ -63,11 +63,19 @@ class Sealed:
             return out
         if self.is_behind:
             return np.asarray(self.checksum.good(data, spans[0][0], at))
-        want = self.checksum.over(data, spans)
-        got = data[at].astype(np.int64)
-        if self.width == 2:
-            got |= data[at + 1].astype(np.int64) << 8
-        return np.asarray(want == got)
+        want, sent = self.numbers(data, start, end)
+        return np.asarray(want == sent)
+
+    def numbers(self, data: U8, start: I64, end: I64) -> tuple[I64, I64]:
+        """Return what it should be in packets that have it, and what was sent."""
+        spans = [(first.of(start, end), last.of(start, end)) for first, last in self.over]
+        at = self.at[0].of(start, end)
+        sent = sum(data[at + k].astype(np.int64) << 8 * k for k in range(self.width))
+        if hasattr(self.checksum, "over"):
+            return self.checksum.over(data, spans).astype(np.int64), np.asarray(sent)
+        packets = (data[a:b].tobytes() for a, b in zip(start.tolist(), end.tolist(), strict=True))
+        want = [self.checksum(self.covered(packet)) for packet in packets]
+        return np.array(want, np.int64), np.asarray(sent)
 
     @property
     def width(self) -> int:
@@ -183,6 +191,17 @@ class Plan:
             rows = np.flatnonzero(good)
             good[rows] = seal.good(data, start[rows], end[rows])
         return good
+
+    def broken(self, data: U8, start: I64, end: I64) -> tuple[I64, I64]:
+        """Return what the first check should be, and is, that does not hold; -1: all hold."""
+        want, got = np.full(len(start), -1), np.full(len(start), -1)
+        left = np.arange(len(start))
+        for seal in self.seals:
+            bad = ~seal.good(data, start[left], end[left])
+            rows, left = left[bad], left[~bad]
+            if len(rows):
+                want[rows], got[rows] = seal.numbers(data, start[rows], end[rows])
+        return want, got
 
 
 def plan_of(grammar: Any) -> Plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.gaps import ERRORS_HERE
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import Chunk, Gap, MarkKind, Remark
 
@@ -72,4 +73,4 @@ class Remarks(Remembering):
 def _doubted(gap: Gap, base: int, doubts: Iterable[Remark]) -> Gap:
     start = base + gap.start
     errors = sum(r.count for r in doubts if r.start < start + gap.length and r.end > start)
-    return gap._replace(detail={**gap.detail, "line_errors": errors}) if errors else gap
+    return gap._replace(detail={**gap.detail, ERRORS_HERE: errors}) if errors else gap

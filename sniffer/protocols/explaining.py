@@ -57,21 +57,25 @@ class Runs(NamedTuple):
 
 
 class Torn(NamedTuple):
-    """What each header would be the beginning of, if a gap began there."""
+    """What each header would be the beginning of, if a gap began there; numbers as in ``Gaps``."""
 
     at: I64
     end: I64
     kind: U8
     servo_id: I64
+    expected: I64
+    got: I64
 
 
 class Pieces(NamedTuple):
-    """The gaps of all runs, in order: their edges, kinds, servos (-1: none told) and runs."""
+    """The gaps of all runs, in order: edges, kinds, servos (-1: none told), numbers and runs."""
 
     start: I64
     end: I64
     kind: U8
     servo_id: I64
+    expected: I64
+    got: I64
     run: I64
 
 
@@ -106,14 +110,20 @@ def pieces(protocol: Surveyor, data: U8, start: I64, end: I64) -> Pieces:
     some = np.flatnonzero(ends > begins)
     first = np.concatenate([at, begins[some]])
     order = np.argsort(first, kind="stable")
-    nothing = np.full(len(some), NOBODY)
+    nothing = np.full(len(some), -1)
     first = first[order]
     run = runs.of(first)
+    who, expected, got = (
+        np.concatenate([column[kept], nothing])[order]
+        for column in (torn.servo_id, torn.expected, torn.got)
+    )
     return Pieces(
         first + shift[run],
         np.concatenate([behind, ends[some]])[order] + shift[run],
         np.concatenate([torn.kind[kept], np.full(len(some), NOISE, np.uint8)])[order],
-        np.concatenate([torn.servo_id[kept], nothing])[order],
+        who,
+        expected,
+        got,
         run,
     )
 

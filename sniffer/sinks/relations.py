@@ -137,7 +137,7 @@ def anomalies_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
             named(found.code, [entry.severity.name.lower() for entry in known]),
             named(found.code, [entry.group for entry in known]),
             named(found.code, CODES),
-            pa.array([anomaly.detail for anomaly in found], pa.string()),
+            pa.array([detail for detail, _ in found.told()], pa.string()),
             pa.array(found.at),
             pa.array(found.length),
             constant(protocol.name, len(found)),

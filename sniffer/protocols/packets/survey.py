@@ -61,11 +61,15 @@ def survey(
     kind = np.where(cut, TRUNCATED, DAMAGED).astype(np.uint8)
     whole = np.flatnonzero(~impossible & ~cut)
     # One that holds and is no frame all the same has a body that its guards refuse.
-    sums = plan.sound(runs.data, at[whole], until[whole])
-    kind[whole[~sums]] = CHECKSUM
+    want, sent = plan.broken(runs.data, at[whole], until[whole])
+    kind[whole[want >= 0]] = CHECKSUM
+    # A header with nothing behind it is of no certain length, even where all packets are as long.
+    expected = np.where(cut & (size >= 0) & (at + len(plan.header) < end), total, -1)
+    got = np.where(cut, until - at, -1)
+    expected[whole], got[whole] = want, sent
     named = ~impossible & (until - at > who)
     servo_id = runs.byte(at + who) if sole_id is None else np.full(len(at), sole_id)
-    return Torn(at, until, kind, np.where(named, servo_id, NOBODY))
+    return Torn(at, until, kind, np.where(named, servo_id, NOBODY), expected, got)
 
 
 def size_place(plan: Plan) -> tuple[int, int]:

@@ -38,8 +38,11 @@ def survey(runs: Runs) -> Torn:
     end = np.where(whole, until, np.where(excess, np.minimum(stop, at + REACH), stop))
     kind = np.where(whole | excess, DAMAGED, TRUNCATED).astype(np.uint8)
     sums = np.flatnonzero(whole)
-    good = PLAN.checksum.good(runs.data, at[sums] + PLAN.sum_from, until[sums] - 1)
-    kind[sums[~good]] = CHECKSUM
+    want, sent = PLAN.broken(runs.data, at[sums], until[sums])
+    kind[sums[want >= 0]] = CHECKSUM
+    cut = kind == TRUNCATED
+    expected, got = np.where(cut & told, need, -1), np.where(cut, have, -1)
+    expected[sums], got[sums] = want, sent
     read = np.minimum(stop, at + np.where(told & ~excess, need, REACH) - 1) - at
     servo_id = np.where(read > PLAN.at["servo_id"], byte["servo_id"], NOBODY)
     # Headers in a row, each too near the next to tell its length, are one gap up to the last.
@@ -49,4 +52,5 @@ def survey(runs: Runs) -> Torn:
     end = np.where(row, at[last], end)
     kind[row] = TRUNCATED
     servo_id[row] = NOBODY
-    return Torn(at, end, kind, servo_id)
+    expected[row], got[row] = -1, (end - at)[row]
+    return Torn(at, end, kind, servo_id, expected, got)
