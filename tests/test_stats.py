@@ -278,6 +278,30 @@ def test_what_is_asked_once_in_a_while_is_no_loop_that_stalls() -> None:
     assert command["longest_period"]["t_ns"] == pytest.approx(808 * MS, abs=MS // 10)
 
 
+def test_the_jitter_of_a_loop_is_its_own_and_not_of_what_is_asked_once_in_a_while() -> None:
+    chunks = [c for k in range(60) for c in exchange(20.0 * k)]
+    chunks[20:20] = exchange(195.0, asked=0x8E)
+    chunks[60:60] = exchange(575.0, asked=0x8E)
+    chunks[100:100] = exchange(975.0, asked=0x8E)
+    (command,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["commands"]
+    assert command["period_ns"]["count"] == 59 + 2
+    loop = command["loop"]
+    assert (loop["address"], loop["requests"], loop["offset"]) == (0x8C, 60, 0)
+    assert loop["period_ns"]["count"] == 59
+    assert loop["period_ns"]["max"] == pytest.approx([20 * MS, 20 * MS], rel=0.01)
+    assert loop["jitter_ns"]["max"][1] < MS / 10
+
+
+def test_goals_of_more_and_fewer_digits_are_one_loop() -> None:
+    lines = [f"#5D{goal}\r".encode() for goal in (-90, 0, 900, -1200, 5, 1800) * 5]
+    chunks = [Chunk(line, 20 * MS * (k + 1), Clock.SAMPLE) for k, line in enumerate(lines)]
+    (command,) = counted("lss", chunks, baud=115200)["buses"][0]["commands"]
+    assert command["loop"]["requests"] == 30
+    for periods in (command["period_ns"], command["loop"]["period_ns"]):
+        assert periods["count"] == 29
+        assert periods["max"][1] < 21 * MS
+
+
 def test_the_slowest_answer_is_the_one_that_sql_finds(stats: Counting) -> None:
     pytest.importorskip("duckdb")
     capture = CAPTURES / "mightyzap_damaged.log"
