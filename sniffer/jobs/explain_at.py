@@ -12,6 +12,7 @@ import numpy as np
 
 from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.places import CapturePlace
-
-DATED_NS: Final = 366 * 86400 * NS
-"""Times before this one, in 1971, count from something else than 1970."""
 
 _PLACE: Final = re.compile(r"(?P<path>.+)@(?:(?P<bus>[^@:/]+):)?(?P<offset>[0-9]{1,17})", re.DOTALL)
 
