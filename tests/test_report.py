@@ -259,18 +259,6 @@ def test_without_a_clock_no_time_is_told(tmp_path: Path, capsys: Capsys) -> None
     assert "none in the input: times are counted from the bytes" in page
 
 
-def test_times_that_count_from_zero_are_no_day_of_1969(tmp_path: Path, capsys: Capsys) -> None:
-    nobodys = tmp_path / "nobodys.mcap"
-    within(capsys, "cut", SAMPLES / "wck_clean.log", "-o", nobodys, "--to", "1", "--anonymise")
-    for told in (
-        Reader(page_of(capsys, nobodys, tmp_path)).text,
-        within(capsys, "report", nobodys).out,
-    ):
-        assert "(no date)" in told
-        assert "1969-" not in told
-        assert "1970-" not in told
-
-
 def test_response_times_are_told_only_as_far_as_the_stamps_carry_them(
     tmp_path: Path, capsys: Capsys
 ) -> None:
