@@ -291,6 +291,16 @@ def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
     assert within(capsys, "explain", "@12").complaint.endswith("as FILE@12175")
 
 
+def test_a_byte_is_explained_with_what_was_found_there(capsys: Capsys) -> None:
+    told = within(capsys, "decode", CAPTURE, "--format", "jsonl").out
+    found = [r for r in map(json.loads, told.splitlines()) if r["type"] == "anomaly"]
+    for one in found[::7]:
+        at = one["evidence"][0][0]
+        for place in (str(at), f"bus0:{at}"):
+            head, *_ = within(capsys, "explain", f"{CAPTURE}@{place}").out.splitlines()
+            assert f"{one['code']}: {one['detail']}" in head
+
+
 def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsys: Capsys) -> None:
     rows = told(capsys, "--code", "bad-checksum")[:-1]
     assert [row["servo_id"] for row in rows] == [1, 1]

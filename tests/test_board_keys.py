@@ -15,8 +15,8 @@ from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS, InputError
 from sniffer.protocols import PROTOCOLS
 from sniffer.selection.selection import Selection
-from sniffer.viewers.board.board import Board
-from sniffer.viewers.board.controls import SORTED, Controls
+from sniffer.viewers.board.board import STYLES, Board
+from sniffer.viewers.board.controls import HELP, SORTED, Controls
 from sniffer.viewers.board.watched import selection_in
 from sniffer.viewers.keyboard import keys_in
 from sniffer.viewers.screen import BOARD, Screen
@@ -214,9 +214,30 @@ def test_a_value_that_has_just_changed_is_lit_and_one_that_stays_is_not() -> Non
     assert goal.changed_ns
     fresh = status_of(one.wires[0].status(), late_ns=goal.changed_ns - now)
     late = status_of(one.wires[0].status(), late_ns=goal.changed_ns - now + NS)
-    lit = re.compile(r"\x1b\[1;97m +\d+\.\d\d mm\x1b")
+    lit = re.compile(r"\x1b\[1m +\d+\.\d\d mm\x1b")
     assert any(map(lit.search, lines_of(one.board, fresh, 80, 24, style=True)))
     assert not any(map(lit.search, lines_of(one.board, late, 80, 24, style=True)))
+
+
+def test_what_is_lit_can_be_read_on_a_white_ground_too() -> None:
+    grounds = {"black", "white", "bright_black", "bright_white", "default"}
+    named = {style.color.name for style in STYLES.values() if style.color is not None}
+    assert named
+    assert not named & grounds
+
+
+def test_every_column_of_a_servo_s_page_has_its_title_in_80_columns(watching: Watching) -> None:
+    watching.lines(80, 24)
+    watching.press("j", "enter")
+    (titles,) = (line for line in watching.lines(80, 24) if line.startswith("register"))
+    assert titles.split() == ["register", "value", "raw", "heard", "s", "changed", "s"]
+
+
+def test_the_help_is_whole_in_80_columns(watching: Watching) -> None:
+    watching.press("?")
+    shown = " ".join(" ".join(watching.lines(80, 24)).split())
+    for _, what in HELP:
+        assert what in shown
 
 
 @pytest.mark.parametrize("wanted", ["", "code=no-response"])

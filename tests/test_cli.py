@@ -67,6 +67,15 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
         (["view", "x", "-o", "x.rrd", "--web"], "choose one"),
         (["view", "x", "--port", "80"], "--web-port goes with --web"),
         (["replay", "x", "--redecode", "--rerun"], "choose one"),
+        (
+            ["diagnose", "x", "--servo", "3"],
+            "'--servo': all that was said is judged; `sniffer decode`",
+        ),
+        (["report", "x", "--where=value > 3"], "'--where': all that was said is judged"),
+        (
+            ["cut", "x", "--bus", "arm"],
+            "'--bus': a part has every byte of its buses; `sniffer conv",
+        ),
         (["replay", "x", "--speed", "fast"], "'fast' is not a valid number"),
         (["recover", "x.mcap", "-o", "x.jsonl"], "a recording's name ends in .mcap"),
         (["recover", "missing.mcap"], "there is no such file"),

@@ -48,6 +48,15 @@ def test_of_noise_it_is_told_that_no_protocol_explains_any(tmp_path: Path, capsy
     assert "--protocol" in ran.complaint
 
 
+def test_of_several_files_of_noise_all_are_named(tmp_path: Path, capsys: Capsys) -> None:
+    paths = [tmp_path / name for name in ("a.bin", "b.bin")]
+    for path in paths:
+        path.write_bytes(b"\x00" * 300)
+    ran = within(capsys, "decode", *paths)
+    told = f"{paths[0]} {paths[1]}: cannot tell the protocol of these 600 bytes"
+    assert (ran.status, ran.complaint[: len(told)]) == (2, told)
+
+
 def test_standard_input_is_judged_once_and_noise_on_it_is_not_called_empty() -> None:
     ran = sniffer("diagnose", "-", data=NOISE)
     assert (ran.status, ran.out) == (2, "")

@@ -154,6 +154,14 @@ def test_a_plot_is_not_replaced_by_view_either(good: Path, tmp_path: Path, capsy
     assert within(capsys, "view", good, "-o", kept, "--force").status == 0
 
 
+def test_a_picture_of_a_selection_is_told_to_be_one(
+    good: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "view", good, "--bus", "leg", "-o", tmp_path / "leg.rrd")
+    assert "selection, bus = 'leg': 0 of " in ran.err
+    assert "bus 'leg' is not in it: one of bus0" in ran.err
+
+
 def test_the_truth_of_a_simulation_is_not_replaced_either(tmp_path: Path, capsys: Capsys) -> None:
     kept = tmp_path / "truth.jsonl"
     kept.write_bytes(DEAR)

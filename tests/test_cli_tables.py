@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pv
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 import sniffer
+from sniffer.decoding.fields import tidied, tidy
 from sniffer.decoding.rows import FrameRow, SampleRow
 from sniffer.ground.files import beside
 from sniffer.sinks.tables import FRAMES, SAMPLES
@@ -95,12 +102,49 @@ def test_the_tables_say_what_the_rows_say(tmp_path: Path, capsys: Capsys) -> Non
     got = pq.read_table(path).to_pylist()
     for key in ("t_ns", "bus", "servo_id", "register", "quantity", "role", "raw", "unit", "scale"):
         assert [row[key] for row in got] == [getattr(r, key) for r in samples], key
-    values = [None if row["value"] is None else round(row["value"], 6) for row in got]
-    assert values == [r.value for r in samples]
+    assert [row["value"] for row in got] == [r.value for r in samples]
     frames = [r for r in rows if isinstance(r, FrameRow)]
     got = pq.read_table(beside(path)).to_pylist()
     for key in ("t_ns", "t_start_ns", "bus", "offset", "length", "kind", "servo_id", "op"):
         assert [row[key] for row in got] == [getattr(r, key) for r in frames], key
+
+
+@given(st.lists(st.one_of(st.floats(), st.integers(-(10**6), 10**6).map(lambda n: n * 0.1))))
+@example([252 * 0.1, -608 * 0.1, math.nan, 5e15 + 1, 2.0**53 - 1, 0.0078125])
+def test_many_values_are_tidied_as_one_is(values: list[float]) -> None:
+    many = tidied(np.array(values, np.float64)).tolist()
+    for one, found in zip(map(tidy, values), many, strict=True):
+        if one is None:
+            assert math.isnan(found)
+        elif math.isfinite(one):
+            assert found == pytest.approx(one, abs=1.1e-6, rel=0)
+    exact = [
+        n * scale for n in range(-3000, 3000) for scale in (0.1, 0.15, 0.01, 300 / 1023, 269 / 254)
+    ]
+    assert tidied(np.array(exact)).tolist() == [tidy(value) for value in exact]
+
+
+@pytest.mark.parametrize("options", [(), ("--wide",)])
+def test_no_value_in_a_table_has_rounding_dust(
+    options: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "values.csv"
+    within(capsys, "convert", CAPTURES / "rs30x_damaged.log", path, *options)
+    assert not re.search(r"\.\d{7}", path.read_text(encoding="utf-8"))
+
+
+def test_a_value_is_selected_by_the_number_that_is_shown(capsys: Capsys) -> None:
+    path = CAPTURES / "rs30x_damaged.log"
+    shown = [
+        r for r in sniffer.decode(path) if isinstance(r, SampleRow) and r.quantity == "position"
+    ]
+    dusty = [r for r in shown if r.value not in (None, r.raw * 0.1)]
+    assert dusty
+    wanted = dusty[0].value
+    where = f"quantity = 'position' AND value = {wanted}"
+    told = within(capsys, "decode", path, "--where", where, "--format", "jsonl").out
+    found = [r for r in map(json.loads, told.splitlines()) if r["type"] == "sample"]
+    assert len(found) == sum(r.value == wanted for r in shown)
 
 
 def test_pandas_reads_both_alike(tmp_path: Path, capsys: Capsys) -> None:

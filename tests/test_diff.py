@@ -24,6 +24,7 @@ from sniffer.statistics.thinned import Thinned
 from tests.commands import within
 from tests.recordings import START_NS
 from tests.streams.mightyzap import packet
+from tests.test_rerun import read
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -185,11 +186,51 @@ def test_both_runs_stand_in_one_picture(tmp_path: Path, capsys: Capsys) -> None:
     assert again.complaint.endswith("is there already: choose another name, or --force")
 
 
+def test_a_run_is_compared_with_a_later_part_of_another(tmp_path: Path, capsys: Capsys) -> None:
+    def later(who: int, data: bytes) -> tuple[bytes, float]:
+        later.asked += 1  # type: ignore[attr-defined]
+        return data, 2.0 if later.asked > 180 else 0.0  # type: ignore[attr-defined]
+
+    later.asked = 0  # type: ignore[attr-defined]
+    path = run(tmp_path / "a.log", 1, later)  # 2.4 s, slower from 1.2 s on
+    part = ("--from", "0.1", "--to", "1.1")
+    status, found = compared(capsys, path, path, *part, "--from-b", "1.3")
+    assert status == 1
+    assert found["parts"] == [
+        "from second 0.1 to second 1.1",
+        "from second 1.3 to second 2.3",
+    ]
+    assert found["a"]["frames"] == found["b"]["frames"]
+    assert {d["about"] for d in found["differences"]} == {"response_time"}
+    status, found = compared(capsys, path, path, *part, "--from-b", "0.1", "--to-b", "1.1")
+    assert (status, found["differences"]) == (0, [])
+
+
+def test_parts_of_two_runs_lie_one_over_the_other_in_the_picture(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    a, b = run(tmp_path / "a.log", 1), run(tmp_path / "b.log", 2)
+    out = tmp_path / "both.rrd"
+    part = ("--from", "0.2", "--to", "0.6")
+    assert within(capsys, "diff", a, b, *part, "--from-b", "1.2", "-o", out).status in (0, 1)
+    rows, _ = read(out)
+    for entity in ("/A/servo/1/present_position", "/B/servo/1/present_position"):
+        times = [t for t, *_ in rows[entity]]
+        assert 1.2 <= min(times) / 1e9 < 1.23
+        assert 1.57 < max(times) / 1e9 <= 1.6
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (("-o", "x.mcap"), "x.mcap: plots of both end in .rrd"),
         (("--format", "xml"), "Invalid value for '--format'"),
+        (
+            ("--from", "@first-error", "--to", "3", "--from-b", "1"),
+            "--from-b: nobody knows how long the part of A is: say --to-b, too",
+        ),
+        (("--from-b", "3", "--to-b", "2"), "--to must lie behind --from"),
+        (("--to-b", "soon"), "Invalid value for '--to-b'"),
     ],
 )
 def test_a_call_that_cannot_be_says_what_to_do(

@@ -23,10 +23,15 @@ from sniffer.statistics.collector import Collector
 from sniffer.statistics.figures import DRAWN, ERROR, LONGEST, SHORTEST, Range, ServoFigures
 from sniffer.statistics.figures import Extreme as End
 from sniffer.statistics.grid import BUCKETS, CURVES, FINEST_NS, Grid
+from tests.commands import within
 from tests.recordings import talk
+from tests.test_report import SAMPLES, Reader, page_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
+
+    from tests.test_report import Capsys
 
 DAY_NS = 86_400_000_000_000
 TIMES = st.lists(
@@ -333,3 +338,15 @@ def test_the_error_is_that_of_the_last_goal_before_each_position() -> None:
         assert np.abs(curve.high).max() <= widest + 0.01
         drawn += len(curve)
     assert drawn > 100
+
+
+def test_times_that_count_from_zero_are_no_day_of_1969(tmp_path: Path, capsys: Capsys) -> None:
+    nobodys = tmp_path / "nobodys.mcap"
+    within(capsys, "cut", SAMPLES / "wck_clean.log", "-o", nobodys, "--to", "1", "--anonymise")
+    for told in (
+        Reader(page_of(capsys, nobodys, tmp_path)).text,
+        within(capsys, "report", nobodys).out,
+    ):
+        assert "(no date)" in told
+        assert "1969-" not in told
+        assert "1970-" not in told

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import rerun as rr
+from hypothesis import given
+from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 import sniffer
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, Clock, Severity
+from sniffer.ground.model import NS, Chunk, Clock, Severity
 from sniffer.sinks.rerun.entities import LogLine
+from sniffer.sinks.rerun.longrun import MOST, Overview
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
 from tests.test_rerun import LOAD, START_NS, STORE, Bus, read, write
@@ -147,3 +150,57 @@ def test_an_incident_that_comes_before_all_else_leaves_the_times_dates(tmp_path:
     batches = [chunk.to_record_batch() for chunk in RrdReader(str(path)).stream()]
     kinds = {str(b.schema.field("time").type) for b in batches if "time" in b.schema.names}
     assert kinds == {"timestamp[ns]"}
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 8), st.integers(0, 900), st.floats(0, 50)), min_size=1),
+)
+def test_an_overview_has_the_largest_of_every_few_seconds(
+    rows: list[tuple[int, int, float]],
+) -> None:
+    overview = Overview()
+    for who, second, value in rows:
+        times = np.array([second * NS, (second + 1) * NS], np.int64)
+        overview.add(("bus0", who, "error"), (times, np.array([value, np.nan])))
+    for who in range(9):
+        overview.add(("bus0", who, "error"), (np.array([rows[0][1] * NS]), np.zeros(1)))
+        rows = [*rows, (who, rows[0][1], 0.0)]
+    seconds = [second for _, second, _ in rows]
+    step = overview.step_s
+    if max(seconds) - min(seconds) < MOST:
+        assert step == 1
+        assert not list(overview.curves())
+        return
+    assert 1 + max(seconds) // step - min(seconds) // step <= MOST
+    for (_, who, _), (times, values) in overview.curves():
+        assert (np.diff(times) >= 0).all()
+        assert min(seconds) * NS <= times[0]
+        assert times[-1] <= (max(seconds) + 1) * NS
+        peaks = {
+            k: max(v for w, s, v in rows if w == who and s // step == k)
+            for k in {s // step for w, s, _ in rows if w == who}
+        }
+        known = ~np.isnan(values)
+        drawn = zip(times[known].tolist(), values[known].tolist(), strict=True)
+        starts = {max(k * step, min(seconds)) * NS: v for k, v in peaks.items()}
+        assert {t: v for t, v in drawn if t in starts and starts[t] == v} == starts
+        assert set(values[known].tolist()) == set(peaks.values())
+
+
+def test_a_long_recording_opens_with_few_steps_of_the_largest_errors(tmp_path: Path) -> None:
+    bus = Bus()
+    for second in range(150):
+        bus.now_ns = START_NS + second * NS
+        for servo in range(1, 9):
+            bus.say(packet(servo, STORE, b"\x86" + struct.pack("<H", 2000)))
+            bus.say(packet(servo, 0))
+            bus.ask(servo, 0x8C, struct.pack("<H", 2000 + second))
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, static = read(tmp_path / "a.rrd")
+    for servo in range(1, 9):
+        entity = f"/bus0/servo/{servo}/largest_following_error"
+        assert len(rows[entity]) > 150
+        steps = [value for _, value in rows[f"{entity}_overview"] if not math.isnan(value)]
+        assert 150 / 4 <= len(steps) <= MOST
+        assert steps == sorted(steps)
+        assert static[f"{entity}_overview"] == static[entity]

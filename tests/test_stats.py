@@ -257,27 +257,6 @@ def test_an_anomaly_is_told_by_code_and_servo_with_its_times(stats: Counting) ->
     assert worst == sorted(worst, key=["error", "warn", "note"].index)
 
 
-def test_a_period_and_its_jitter_are_known_to_the_stamps() -> None:
-    chunks = [c for k in range(50) for c in exchange(20.0 * k + (1.0 if k % 2 else 0.0))]
-    (command,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["commands"]
-    assert command["period_ns"]["min"] == pytest.approx([19 * MS, 19 * MS], rel=0.01)
-    assert command["period_ns"]["max"] == pytest.approx([21 * MS, 21 * MS], rel=0.01)
-    low, high = command["jitter_ns"]["p50"]
-    assert low <= 2 * MS <= high <= 2.2 * MS
-    low, high = command["response_time_ns"]["p50"]
-    assert 0.45 * MS <= low <= 0.5 * MS <= high <= 0.55 * MS
-
-
-def test_what_is_asked_once_in_a_while_is_no_loop_that_stalls() -> None:
-    chunks = [c for k in range(60) for c in exchange(20.0 * k + (8.0 if k == 40 else 0.0))]
-    chunks[20:20] = exchange(195.0, asked=0x8E)
-    chunks[100:100] = exchange(975.0, asked=0x8E)
-    (command,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["commands"]
-    assert command["period_ns"]["max"] == pytest.approx([780 * MS, 780 * MS], rel=0.01)
-    assert command["longest_period"]["value_ns"] == pytest.approx([28 * MS, 28 * MS], rel=0.01)
-    assert command["longest_period"]["t_ns"] == pytest.approx(808 * MS, abs=MS // 10)
-
-
 def test_the_slowest_answer_is_the_one_that_sql_finds(stats: Counting) -> None:
     pytest.importorskip("duckdb")
     capture = CAPTURES / "mightyzap_damaged.log"

@@ -218,11 +218,33 @@ def _with_help(error: click.ClickException) -> str:
     told = blamed(error, error.format_message())
     if isinstance(error, click.BadParameter) and (meant := _meant(error)):
         return told.rstrip(".") + meant
+    if isinstance(error, click.NoSuchOption) and (why := _selects_no_rows(error)):
+        return f"No such option '{error.option_name}': {why}"
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
     ctx = error.ctx if isinstance(error, click.UsageError) else None
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+_ROWS: Final = ("--where", "--servo", "--op", "--kind", "--code", "--bus")
+_JUDGES: Final = (
+    "all that was said is judged; `sniffer decode` and `sniffer stats` take rows, --from and --to "
+    "a part here, too"
+)
+_NO_ROWS: Final = {
+    "diagnose": _JUDGES,
+    "report": _JUDGES,
+    "check": _JUDGES,
+    "cut": "a part has every byte of its buses; `sniffer convert FILE x.log` writes frames alone",
+}
+"""Why commands that read captures select no rows."""
+
+
+def _selects_no_rows(error: click.NoSuchOption) -> str | None:
+    """Return why a command has none of the options that select rows in others."""
+    name = error.ctx.command.name if error.ctx else None
+    return _NO_ROWS.get(name or "") if error.option_name in _ROWS else None
 
 
 _FILES: Final = ("csv", "parquet", "mcap", "rrd", "log", "bin", "hex")

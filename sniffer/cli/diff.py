@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here, with_force, with_format
-from sniffer.cli.selecting import with_part, with_rows
+from sniffer.cli.selecting import with_both_parts, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -25,12 +25,13 @@ from sniffer.selection.selection import Selection
         "sniffer diff before.mcap after.mcap",
         "sniffer diff before.mcap after.mcap --format json",
         "sniffer diff before.mcap after.mcap --servo 3 --from 10 --to 20",
+        "sniffer diff before.mcap after.mcap --from 10 --to 20 --from-b 14.5",
         "sniffer diff before.mcap after.mcap -o both.rrd",
     ),
 )
 @click.argument("a", shell_complete=files_here, metavar="A")
 @click.argument("b", shell_complete=files_here, metavar="B")
-@with_part
+@with_both_parts
 @with_rows
 @decoding
 @with_format("text", "json")
@@ -49,7 +50,7 @@ def diff(
     output_format: str,
     output: Path | None,
     force: bool,
-    window: Window | None,
+    windows: tuple[Window | None, Window | None],
     selection: Selection | None,
 ) -> int:
     """Say in what the runs A and B differ: answers, values, goals, errors, settings, commands.
@@ -66,7 +67,8 @@ def diff(
             options,
             input_format=input_format,
             overwrite=force,
-            window=window,
+            window=windows[0],
+            window_b=windows[1],
             selection=selection,
             patience=patience,
             tell=Teller(say),

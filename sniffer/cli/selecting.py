@@ -97,6 +97,18 @@ _PART = (
     click.option("--to", "stop", callback=_place, metavar="PLACE", help="End there."),
     _AROUND,
 )
+_PARTS = (
+    *_PART,
+    click.option(
+        "--from-b",
+        "start_b",
+        callback=_place,
+        metavar="PLACE",
+        help="Begin there in B, if its part is another one; as long as that of A, where both are "
+        "in seconds.",
+    ),
+    click.option("--to-b", "stop_b", callback=_place, metavar="PLACE", help="End there in B."),
+)
 _PART_AND_PORTS = (
     _FROM,
     click.option(
@@ -136,6 +148,11 @@ _ROWS = (
 )  # fmt: skip
 
 
+def with_both_parts(command: Command) -> Command:
+    """Add the options that say which part of two runs is meant; ``windows`` are what they say."""
+    return gathered(command, _PARTS, _windows)
+
+
 def with_start(command: Command) -> Command:
     """Add the option that says where to begin in a capture; ``start`` is what it says."""
     return _FROM(command)
@@ -173,6 +190,19 @@ def _window(given: dict[str, Any]) -> dict[str, Any]:
         window = Window(start or 0.0, stop, around or 0)
         window.places()  # what is wrong with it is told before anything is opened
     return {**given, "window": window}
+
+
+def _windows(given: dict[str, Any]) -> dict[str, Any]:
+    start, stop = (given.pop(name) for name in ("start_b", "stop_b"))
+    given = _window(given)
+    a = given.pop("window")
+    if start is None and stop is None:
+        return {**given, "windows": (a, None)}
+    from sniffer.selection.places import Window
+
+    b = (a or Window()).elsewhere(start, stop)
+    b.places()
+    return {**given, "windows": (a, b)}
 
 
 def _window_and_ports(given: dict[str, Any]) -> dict[str, Any]:

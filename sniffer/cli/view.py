@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Renamed, Whole, decoding, examples, files_here, with_force
-from sniffer.cli.selecting import with_part, with_rows
+from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -82,6 +82,7 @@ def view(
                 patience=patience,
                 tell=tell,
             )
+            say_selected(done.summary)
             return status_of(done.ending)
         if output.suffix != ".rrd":
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
@@ -96,6 +97,7 @@ def view(
             patience=patience,
             tell=tell,
         )
+    say_selected(done.summary)
     if not done.gone:
         say(f"wrote {output}: open it with `rerun {output}`")
     return status_of(done.ending, is_lost=bool(done.gone))

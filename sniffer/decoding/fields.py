@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -11,14 +11,31 @@ from sniffer.ground.codes import PARTS, WHOLE
 from sniffer.protocols.base import view
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import Batch, Samples
+    from sniffer.ground.model import F64, Batch, Samples
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
+
+
+_FINE: Final = 2.0**32
 
 
 def tidy(value: float) -> float | None:
     """Return a value as people read it: NaN is none, rounding dust is swept off."""
     return None if math.isnan(value) else round(value, 6)
+
+
+def tidied(values: F64) -> F64:
+    """Return many values as ``tidy`` does one, NaN as it is: 60.800000000000004 is 60.8 everywhere.
+
+    A value of more than 2^32 has its millionths below what a float is exact to.
+    """
+    large = np.abs(values) >= _FINE
+    if not large.any():
+        swept = values * 1e6
+        np.rint(swept, out=swept)
+        swept /= 1e6
+        return swept
+    return np.where(large, values, tidied(np.where(large, 0.0, values)))
 
 
 def value_entry(register: Register, raw: int, value: float, part: int) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from sniffer.fleet.rows import (
 )
 from sniffer.fleet.store import SENT_AT_ONCE, Store
 from sniffer.fleet.tables import TABLES, CaptureTables
-from sniffer.ground.limits import TIME_END_NS
+from sniffer.ground.limits import DATED_NS, TIME_END_NS
 from sniffer.ground.model import NS, OutputError, SnifferError
 from sniffer.ground.naming import worded
 from sniffer.ground.wording import one_line
@@ -50,9 +50,6 @@ if TYPE_CHECKING:
     from sniffer.decoding.options import Options
     from sniffer.decoding.summary import Summary
     from sniffer.fleet.tables import TableFile
-
-DATED_NS: Final = 366 * 86_400 * NS
-"""Times before this one, in 1971, count from something else than 1970: they tell no day."""
 
 ID: Final = 16
 """Hexadecimal digits of a capture's id: of a million captures none meets another (1 in 10^7)."""

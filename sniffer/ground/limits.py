@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, SupportsIndex
 
-from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, SnifferError
+from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind, SnifferError
 from sniffer.ground.runs import ChunkRun
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ TIME_LEAST_NS: Final = -(1 << 55)
 
 TIME_END_NS: Final = (1 << 63) - (1 << 57)
 """Times end before this one, in the year 2257."""
+
+DATED_NS: Final = 366 * 86400 * NS
+"""Times before this one, in 1971, count from something else than 1970: they tell no day."""
 
 OFFSET_END: Final = 1 << 55
 """Offsets end before this one: a thousand years at 1 Mbit/s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
-from sniffer.jobs.session import run_source
+from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.opening import STDIN
 from sniffer.sources.several import name_of, open_capture
@@ -112,20 +113,22 @@ def convert(
         tell.talk(part)
     if anonymise:
         opened, options = anonymous(opened, options, tell)
-    return convert_opened(
-        opened,
-        " ".join(map(str, inputs)),
-        outputs,
-        options,
-        overwrite=overwrite,
-        sinks=sinks,
-        asked=asked,
-        wide=wide,
-        contents=contents,
-        jobs=jobs,
-        patience=patience,
-        tell=tell,
-    )
+    # of one file everybody knows which it is
+    with undecided_of(name_of(inputs)) if len(inputs) > 1 else contextlib.nullcontext():
+        return convert_opened(
+            opened,
+            " ".join(map(str, inputs)),
+            outputs,
+            options,
+            overwrite=overwrite,
+            sinks=sinks,
+            asked=asked,
+            wide=wide,
+            contents=contents,
+            jobs=jobs,
+            patience=patience,
+            tell=tell,
+        )
 
 
 def convert_opened(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import contextlib
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.options import Options
@@ -18,6 +19,7 @@ from sniffer.jobs.telling import Teller
 from sniffer.reports.differing import RunDifference, differences
 from sniffer.reports.runs import RunFigures
 from sniffer.reports.significance import ALPHA
+from sniffer.selection.places import SINCE
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
@@ -25,9 +27,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
+    from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Chunk
     from sniffer.jobs.session import Patience
-    from sniffer.selection.places import Window
+    from sniffer.selection.places import CapturePlace, Window
     from sniffer.selection.selection import Selection
     from sniffer.sources import Source
 
@@ -50,6 +53,8 @@ class Compared:
     ending: Ending
     asked: Mapping[str, Any]
     gone: tuple[Path, ...] = ()
+    parts: tuple[str, ...] = ()
+    """Which part of each run was compared, where these are two."""
 
     @property
     def equal(self) -> bool:
@@ -64,6 +69,10 @@ class Compared:
             out.append(
                 f"{name}: {source}: {run.seconds:.1f} s, {counted(expected, 'answer')} expected, "
                 f"{missing} failed"
+            )
+        if self.parts:
+            out.insert(
+                0, "; ".join(f"{n}: {part}" for n, part in zip(A_B, self.parts, strict=True))
             )
         if self.asked:
             out.insert(0, f"of each what is selected: {'; '.join(self.asked.values())}")
@@ -81,6 +90,7 @@ class Compared:
         both = zip(A_B, self.sources, self.runs, strict=True)
         return {
             **({"selection": dict(self.asked)} if self.asked else {}),
+            **({"parts": list(self.parts)} if self.parts else {}),
             **{
                 name.lower(): {
                     "source": source,
@@ -107,6 +117,7 @@ def diff(
     input_format: str = "auto",
     overwrite: bool = False,
     window: Window | None = None,
+    window_b: Window | None = None,
     selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -123,6 +134,7 @@ def diff(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of both.
         overwrite: a file that is there already is replaced.
         window: which part of each, in seconds of its own; all of it where None.
+        window_b: which part of the second one, where that is another.
         selection: which records are compared; all of them where None.
         patience: takes interruptions.
         tell: takes what should be told; nothing is told without.
@@ -135,8 +147,8 @@ def diff(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    whole = Extract.of(selection, window)
-    if whole is not None and whole.is_dated:
+    parts = Extract.of(selection, window), Extract.of(selection, window_b or window)
+    if any(part is not None and part.is_dated for part in parts):
         raise InputError(
             "two runs have no date in common: write seconds of each, as in 10 or 10min"
         )
@@ -149,32 +161,27 @@ def diff(
         from sniffer.sinks.rerun.overlay import OverlaidSink
 
         overlay = OverlaidSink(output)
-    runs, endings = [], []
-    again = whole is not None and whole.seeks
-    try:
-        for name, path in zip(A_B, (a, b), strict=True):
-            run = RunFigures()
-            with (
-                undecided_of(str(path)),
-                open_source(path, input_format, again=again, wiring=options.wired) as opened,
-            ):
-                own = options.with_facts(opened.facts(), opened.tables)
-                begun = Derived(
-                    opened, _from_zero(opened, own, tell), opened.facts(), is_mixed=False
-                )
-                sinks: list[Sink] = [run]
-                if overlay is not None:
-                    sinks.append(_Named(overlay, name))
-                asked = None if whole is None else whole.sought_in(begun, own)
-                summary, ending = run_source(
-                    begun, own, sinks, name=str(path), tell=tell, patience=patience, asked=asked
-                )
-            runs.append(run)
-            endings.append(ending)
-        told = {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
-    finally:
+    two = [_Run(str(path), part, options, tell) for path, part in zip((a, b), parts, strict=True)]
+    endings = []
+    told: dict[str, Any] = {}
+    with contextlib.ExitStack() as stack:
         if overlay is not None:
-            overlay.close()
+            stack.callback(overlay.close)
+        for run in two:
+            run.open(stack, input_format)
+        latest = max(run.start_ns for run in two)
+        for name, run in zip(A_B, two, strict=True):
+            sinks: list[Sink] = [run.figures]
+            if overlay is not None:
+                run.later_ns = latest - run.start_ns
+                sinks.append(_Named(overlay, name))
+            summary, ending = run.read(sinks, patience)
+            endings.append(ending)
+            told |= {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
+    runs = two[0].figures, two[1].figures
+    differ = window_b is not None and window_b != window
+    if differ:
+        told.pop("part", None)
     first, second = runs
     if selection is not None and not any(run.frames.total() for run in runs):
         raise InputError(f"{selection.text}: neither run has any of it")
@@ -182,7 +189,80 @@ def diff(
     found, tests = differences(first, second)
     lost = () if output is None else gone([output], tell)
     worst = max(endings, key=list(Ending).index)
-    return Compared((str(a), str(b)), (first, second), tuple(found), tests, worst, told, lost)
+    texts = tuple("all of it" if run.part is None else str(run.part) for run in two)
+    return Compared(
+        (str(a), str(b)),
+        runs,
+        tuple(found),
+        tests,
+        worst,
+        told,
+        lost,
+        texts if differ else (),
+    )
+
+
+@dataclass(slots=True)
+class _Run:
+    """One of the two: its times count from its first byte, and from ``later_ns`` in a picture."""
+
+    path: str
+    part: Extract | None
+    options: Options
+    tell: Teller
+    figures: RunFigures = field(default_factory=RunFigures)
+    start_ns: int = 0
+    """Where its part begins."""
+    later_ns: int = 0
+    _source: Source | None = None
+
+    def open(self, stack: contextlib.ExitStack, input_format: str) -> None:
+        """Open it, and find where its part begins."""
+        again = self.part is not None and self.part.seeks
+        with undecided_of(self.path):
+            opened = stack.enter_context(
+                open_source(self.path, input_format, again=again, wiring=self.options.wired)
+            )
+            self.options = self.options.with_facts(opened.facts(), opened.tables)
+            self._source = Derived(opened, self._from_zero(opened), opened.facts(), is_mixed=False)
+            if self.part is not None:
+                found = self.part.sought_in(self._source, self.options)
+                self.part = replace(found, start=_counted(found.start), stop=_counted(found.stop))
+                self.start_ns = max(self.part.ends(0)[0] or 0, 0)
+
+    def read(self, sinks: Sequence[Sink], patience: Patience | None) -> tuple[Summary, Ending]:
+        """Decode it."""
+        assert self._source is not None
+        with undecided_of(self.path):
+            return run_source(
+                self._source,
+                self.options,
+                sinks,
+                name=self.path,
+                tell=self.tell,
+                patience=patience,
+                asked=self.part,
+            )
+
+    def _from_zero(self, opened: Source) -> Any:
+        """Return what reads a source with times that count from its first byte."""
+
+        def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+            began: int | None = None
+            for group in merged(opened, groups, self.options, self.tell):
+                if began is None:
+                    began = next((c.t_ns for c in group if c.t_ns is not None), None)
+                by = self.later_ns - (began or 0)
+                yield [c if c.t_ns is None else replace(c, t_ns=c.t_ns + by) for c in group]
+
+        return made
+
+
+def _counted(place: CapturePlace | None) -> CapturePlace | None:
+    """Return a place that was found as one that counts from the first byte."""
+    if place is None or place.kind == SINCE:
+        return place
+    return replace(place, kind=SINCE)
 
 
 class _Named:
@@ -205,19 +285,6 @@ class _Named:
 
     def close(self) -> None:
         """Do nothing."""
-
-
-def _from_zero(opened: Source, options: Options, tell: Teller) -> Any:
-    """Return what reads a source with times that count from its first byte."""
-
-    def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-        began: int | None = None
-        for group in merged(opened, groups, options, tell):
-            if began is None:
-                began = next((c.t_ns for c in group if c.t_ns is not None), None)
-            yield [c if c.t_ns is None else replace(c, t_ns=c.t_ns - (began or 0)) for c in group]
-
-    return made
 
 
 def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:

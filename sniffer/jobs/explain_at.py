@@ -12,6 +12,8 @@ import numpy as np
 
 from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.diagnostics.found import Anomalies
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at
@@ -27,8 +29,11 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.places import CapturePlace
 
-DATED_NS: Final = 366 * 86400 * NS
-"""Times before this one, in 1971, count from something else than 1970."""
+FURTHER: Final = 1 << 20
+"""Bytes behind a place in which it is still told what was wrong there: silence takes none."""
+
+TOLD_MOST: Final = 6
+"""Anomalies of one frame or gap that are told."""
 
 _PLACE: Final = re.compile(r"(?P<path>.+)@(?:(?P<bus>[^@:/]+):)?(?P<offset>[0-9]{1,17})", re.DOTALL)
 
@@ -62,28 +67,29 @@ def explain_at(
     """Return whether a byte of a capture belongs to a frame that holds, and the drawing.
 
     The byte is the place, or the first one that an anomaly names. An answer is drawn behind the
-    request that it answers.
+    request that it answers. What was found there is told, as far as it is by ``FURTHER`` bytes on.
 
     Raises:
         InputError: the capture cannot be read or has no such byte, or several buses have it.
     """
     options = options or Options()
     options.check()
-    bus, offset, told = place.bus or None, place.number, ""
+    bus, offset = place.bus or None, place.number
+    told: list[str] = []
     of_byte = place.sought == "byte"
     with open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         if not of_byte:
-            bus, offset, told = evidence_at(place, opened, options)
+            bus, offset, *told = evidence_at(place, opened, options)
         finder = _AtByte(bus, offset)
         pipeline = Pipeline(options, [finder])
         quiet = Teller(lambda line: None, quiet=True)
         with contextlib.suppress(DamagedInputError):
             for group in merged(opened, opened, options, quiet):
                 pipeline.feed(group)
-                if bus is not None and finder.found:
+                if bus is not None and finder.is_done:
                     break
-        if not (bus is not None and finder.found):
+        if not (bus is not None and finder.is_done):
             pipeline.close()
     if bus is None and len(finder.found) > 1:
         names = and_(list(finder.found))
@@ -92,7 +98,12 @@ def explain_at(
         ends = ", ".join(f"{name} {end}" for name, end in finder.ends.items())
         raise InputError(f"{source}: there is no byte {offset}: it has {ends or 'none'}")
     ((name, pieces),) = finder.found.items()
-    out = [f"{source}, byte {offset} of {name}", *([told] if told else [])]
+    head = f"{source}, byte {offset} of {name}"
+    found = list(dict.fromkeys(finder.remarks[name]))
+    if of_byte and found:
+        more = f"; and {len(found) - TOLD_MOST} more" if len(found) > TOLD_MOST else ""
+        head += f": {'; '.join(found[:TOLD_MOST])}{more}"
+    out = [head, *told]
     for piece in pieces:
         out += ["", f"at byte {piece.offset}, {_moment(piece.t_ns)}", *piece.lines]
     return pieces[-1].holds, out
@@ -112,27 +123,52 @@ class _AtByte:
     def __init__(self, bus: str | None, offset: int) -> None:
         self._bus, self._offset = bus, offset
         self.found: dict[str, list[Drawn]] = {}
+        self.remarks: dict[str, list[str]] = {}
+        """By bus what was found in what has the byte."""
         self.ends: dict[str, int] = {}
+        self._spans: dict[str, tuple[int, int]] = {}
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the byte is found, and what comes is too far off to be about it."""
+        return bool(self._spans) and all(
+            self.ends[bus] > end + FURTHER for bus, (_, end) in self._spans.items()
+        )
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Look for the byte."""
-        self.ends[bus] = batch.base + len(batch.data)
+        self.ends[bus] = max(self.ends.get(bus, 0), batch.base + len(batch.data))
         at = self._offset - batch.base
-        if self._bus not in (None, bus) or not 0 <= at < len(batch.data):
+        if self._bus not in (None, bus):
             return
+        if 0 <= at < len(batch.data):
+            self._draw(bus, protocol, batch, at)
+        start, end = self._spans.get(bus, (0, 0))
+        found = Anomalies.of(batch.anomalies)
+        for nth in np.flatnonzero((found.at < end) & (start < found.at + found.length)).tolist():
+            self.remarks[bus].append(f"{found[nth].code}: {found[nth].detail}")
+
+    def _draw(self, bus: str, protocol: BusProtocol, batch: Batch, at: int) -> None:
+        """Draw what has a byte of a batch."""
         f = batch.frames
         rows = np.flatnonzero((f.start <= at) & (at < f.end)).tolist()
         if rows:
             asked = batch.transactions.request[batch.transactions.response == rows[0]]
             before = [row for row in asked.tolist() if row >= 0]
-            self.found[bus] = [draw_frame(batch, protocol, i) for i in (*before, rows[0])]
+            pieces = [draw_frame(batch, protocol, i) for i in (*before, rows[0])]
+            self._find(bus, pieces, batch.base + int(f.start[rows[0]]), int(f.length[rows[0]]))
             return
         for gap in batch.gaps:
             if gap.start <= at < gap.start + gap.length:
-                self.found[bus] = [draw_gap(batch, protocol, gap)]
+                pieces = [draw_gap(batch, protocol, gap)]
+                self._find(bus, pieces, batch.base + gap.start, gap.length)
+
+    def _find(self, bus: str, pieces: list[Drawn], start: int, length: int) -> None:
+        self.found[bus], self.remarks[bus] = pieces, []
+        self._spans[bus] = start, start + length
 
     def close(self) -> None:
         """Do nothing."""

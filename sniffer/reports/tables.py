@@ -170,9 +170,8 @@ def recorded(content: Content) -> list[tuple[str, str]]:
         out.append(("broken off", content.damage))
     if (span := content.span_ns) is not None:
         clock = content.clock
-        first, last = (words.moment(t, clock, date=True) for t in span)
         if clock != Clock.NONE:
-            out += [("from", f"{first} UTC"), ("to", f"{last} UTC")]
+            out += zip(("from", "to"), map(words.dated, span), strict=True)
         lasting = words.lasting(span[1] - span[0])
         out.append(("length", f"{lasting}, nominal" if clock == Clock.NONE else lasting))
     for name, wire in content.collector.wires.items():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.fields import tidied
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES
@@ -285,7 +286,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
             "quantity": _register(lambda register: str(register.quantity)),
             "role": _coded(ROLES, lambda r: r.batch.values.role),
             "raw": _number(lambda r: r.batch.values.raw),
-            "value": ColumnKind(False, lambda r: Numbers(r.batch.values.value, math.nan)),
+            "value": ColumnKind(False, lambda r: Numbers(tidied(r.batch.values.value), math.nan)),
             "unit": _register(lambda register: str(register.unit)),
             "scale": _coded(PROVENANCES, lambda r: r.batch.values.provenance),
             "part": _coded(PARTS, lambda r: r.batch.values.part),

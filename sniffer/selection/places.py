@@ -237,6 +237,27 @@ class Window:
             raise InputError(Sentence("{stop} must lie behind {start}"))
         return start, stop
 
+    def elsewhere(self, start: str | None, stop: str | None) -> Window:
+        """Return the part of another run: where that begins or ends otherwise, it is told.
+
+        A part in seconds that only begins elsewhere is as long as this one.
+
+        Raises:
+            InputError: what is written is no place, or nobody can say how long the part is.
+        """
+        if start is None or stop is not None or self.stop is None:
+            return Window(start or self.start, stop or self.stop, self.around_ns)
+        own, end = self.places()
+        begin = place_in(start)
+        if end is None or end.kind == FOUND:  # it is looked for in either run
+            return Window(start, self.stop, self.around_ns)
+        if any(place is not None and place.kind != SINCE for place in (own, end, begin)):
+            told = "{start_b}: nobody knows how long the part of A is: say {stop_b}, too"
+            raise InputError(Sentence(told))
+        ns = begin.ns + end.ns - (0 if own is None else own.ns)
+        seconds = f"{ns // NS}.{ns % NS:09d}".rstrip("0").rstrip(".")
+        return Window(start, seconds, self.around_ns)
+
 
 def _since(start: CapturePlace | None) -> int:
     """Return how long behind the first byte a place is at least, -1 where nobody knows yet."""

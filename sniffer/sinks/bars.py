@@ -50,9 +50,9 @@ def print_histograms(
     lanes = statistics.collector.lanes_of(bus["bus"])
     for name in lanes:
         for c in statistics.lanes[name].commands.figures():
-            if c.times.reply.count and c.servo_id >= 0:
+            if c.replies.times.count and c.servo_id >= 0:
                 who = f"{name} {c.servo_id}" if len(lanes) > 1 else f"{c.servo_id}"
-                low, high = c.times.reply.histogram()
+                low, high = c.replies.times.histogram()
                 before = sums.get(who)
                 sums[who] = (low, high) if before is None else (before[0] + low, before[1] + high)
     if not sums:

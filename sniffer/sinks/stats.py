@@ -141,7 +141,7 @@ def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     clocked = bus["load"] is not None
     columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
     table = Tabulated("servo", "command", *columns, left=("command",))
-    timed = any(c["period_ns"] for c in bus["commands"])
+    timed = any(c["loop"] for c in bus["commands"])
     for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
     for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
@@ -151,8 +151,9 @@ def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         else:
             row.append(percent(c["bytes_share"]))
         if timed:
-            row += [_ms(c["period_ns"], "p50"), _ms(c["longest_period"], "value_ns")]
-            row += [_ms(c["jitter_ns"], "p95")]
+            loop = c["loop"] or {"period_ns": None, "jitter_ns": None}
+            row += [_ms(loop["period_ns"], "p50"), _ms(c["longest_period"], "value_ns")]
+            row += [_ms(loop["jitter_ns"], "p95")]
         table.add_row(*row)
     return table if bus["commands"] else None
 

@@ -19,6 +19,7 @@ import pyarrow.csv
 import pyarrow.ipc
 import pyarrow.parquet
 
+from sniffer.decoding.fields import tidied
 from sniffer.ground.codes import KINDS, PARTS, PROVENANCES, ROLES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.files import beside, open_binary, writing
@@ -87,7 +88,7 @@ def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
             quantity,
             named(v.role, ROLES),
             pa.array(v.raw),
-            absent(v.value, np.isnan(v.value)),
+            absent(tidied(v.value), np.isnan(v.value)),
             unit,
             named(v.provenance, PROVENANCES),
             named(v.part, PARTS),

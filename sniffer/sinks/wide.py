@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from sniffer.decoding.fields import tidied
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.files import open_binary, writing
 from sniffer.mcapfile.fields import state_field
@@ -70,7 +71,7 @@ class WideSink:
         rows["bus"] = place
         values = np.empty(len(v), _VALUE)
         values["row"] = which + self._n
-        values["value"] = v.value
+        values["value"] = tidied(v.value)
         keys, key_of = np.unique(
             v.servo_id.astype(np.int64) << 32 | v.register, return_inverse=True
         )

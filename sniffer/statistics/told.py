@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.durations import Quantiles
     from sniffer.statistics.collector import LaneFigures
-    from sniffer.statistics.commands import CommandFigures, LongestPeriod, Slowest
+    from sniffer.statistics.commands import CommandFigures, Slowest
+    from sniffer.statistics.cycles import Loop
     from sniffer.statistics.exceeding import ExceedingFigures
     from sniffer.statistics.figures import Extreme, ServoFigures
     from sniffer.statistics.goalsteps import StepFigures
@@ -112,7 +113,6 @@ def _slices(slices: EverySlice) -> dict[str, Any]:
 def _command(
     lane: LaneNumbers, c: CommandFigures, wire: WireBytes, *, clocked: bool
 ) -> dict[str, Any]:
-    times = c.times
     return {
         "protocol": lane.protocol.name,
         "servo_id": c.servo_id if c.servo_id >= 0 else None,
@@ -123,11 +123,12 @@ def _command(
         "bytes_share": c.bytes / wire.bytes if wire.bytes else 0.0,
         "bus_time_share": c.bytes * wire.byte_ns / wire.span_ns if clocked else None,
         "rate_hz": c.requests * NS / wire.span_ns if clocked else None,
-        "period_ns": quantiles(times.period),
-        "longest_period": _longest(c.longest),
-        "jitter_ns": quantiles(times.jitter),
-        "response_time_ns": quantiles(times.reply),
-        "slowest": _slowest(times.slowest),
+        "period_ns": quantiles(c.periods.period),
+        "longest_period": _longest(c.loop),
+        "jitter_ns": quantiles(c.periods.jitter),
+        "loop": _loop(c.loop),
+        "response_time_ns": quantiles(c.replies.times),
+        "slowest": _slowest(c.replies.slowest),
         "asked": c.asked,
         "ok": c.ok,
         "missing": c.missing,
@@ -145,10 +146,22 @@ def _slowest(answer: Slowest | None) -> dict[str, Any] | None:
     return {"value": answer.ns, "t_ns": answer.t_ns, "offset": answer.offset}
 
 
-def _longest(period: LongestPeriod | None) -> dict[str, Any] | None:
-    if period is None:
+def _longest(loop: Loop | None) -> dict[str, Any] | None:
+    if loop is None:
         return None
-    return {"value_ns": list(period.bounds), "t_ns": period.t_ns}
+    return {"value_ns": list(loop.longest.bounds), "t_ns": loop.longest.t_ns}
+
+
+def _loop(loop: Loop | None) -> dict[str, Any] | None:
+    if loop is None or loop.periods is None:
+        return None
+    return {
+        "address": loop.address if loop.address >= 0 else None,
+        "requests": loop.requests,
+        "offset": loop.offset,
+        "period_ns": quantiles(loop.periods.period),
+        "jitter_ns": quantiles(loop.periods.jitter),
+    }
 
 
 def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:

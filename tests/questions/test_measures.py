@@ -181,6 +181,15 @@ def test_the_period_of_a_poll_and_how_it_wavers(capture: Capture, asker: Asker) 
             assert high * 1.02 >= np.quantile(true, share, method="lower")
         assert figures["max"][0] <= true.max() <= figures["max"][1]
     busiest = max(range(len(spans)), key=lambda k: len(spans[k]))
+    loop = told["loop"]
+    assert (loop["requests"], loop["offset"]) == (len(alike[busiest]), alike[busiest][0]["offset"])
+    assert loop["period_ns"]["count"] == len(spans[busiest])
+    changed = np.abs(np.diff(spans[busiest]))
+    for figures, true in ((loop["period_ns"], spans[busiest]), (loop["jitter_ns"], changed)):
+        for name, share in (("p50", 0.5), ("p95", 0.95)):
+            low, high = figures[name]
+            assert low * 0.98 <= np.quantile(true, share, method="higher")
+            assert high * 1.02 >= np.quantile(true, share, method="lower")
     longest, (low, high) = told["longest_period"], told["longest_period"]["value_ns"]
     # ends of frames, of one length: as far apart as their beginnings
     assert low - 1 <= spans[busiest].max() <= high + 1

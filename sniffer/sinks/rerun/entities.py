@@ -103,6 +103,11 @@ class Curve(Entity):
         return self._name
 
     @property
+    def colour(self) -> Rgb:
+        """Its colour."""
+        return self._colour
+
+    @property
     def is_goal(self) -> bool:
         """Tell whether a value holds until the next one."""
         return self.track.quantity.startswith("goal_")

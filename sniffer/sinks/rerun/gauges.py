@@ -6,6 +6,7 @@ Used by ``sniffer.sinks.rerun.sink``.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,12 +14,14 @@ import numpy as np
 from sniffer.ground.model import NS, Clock, Severity
 from sniffer.sinks.rerun.derived import Following, Rows, SecondFold, line_use, unanswered
 from sniffer.sinks.rerun.entities import WHITE, Curve, Marks, PerSecond
+from sniffer.sinks.rerun.longrun import Overview
 from sniffer.sinks.rerun.plots import (
     BUS_LOAD,
     EVERYONE,
     FOLLOWING_ERROR,
     MISSING,
     PEAK_ERROR,
+    PEAK_OVERVIEW,
     PEAK_TIME,
     Track,
 )
@@ -61,6 +64,7 @@ class Gauges:
         self._seconds: dict[tuple[str, int, str], SecondFold] = {}
         self._following: dict[tuple[str, int], tuple[str, Following]] = {}
         self._astray: dict[str, dict[str, float]] = {}
+        self._overview = Overview()
         self.loads: dict[str, float] = {}
         """The largest load by bus, in percent."""
 
@@ -142,10 +146,24 @@ class Gauges:
             assert isinstance(marks, Marks)
             marks.set(t_ns, value)
 
-    def close(self) -> None:
-        """Finish the seconds that are open."""
+    @property
+    def step_s(self) -> int:
+        """Of how many seconds the overview has the largest error."""
+        return self._overview.step_s
+
+    def close(self, *, is_whole: bool) -> None:
+        """Finish the seconds that are open; of what is whole, add how it is overlooked."""
         for key, seconds in self._seconds.items():
-            self._curves[key].add(*seconds.rest())
+            rest = seconds.rest()
+            self._curves[key].add(*rest)
+            if key[2] == PEAK_ERROR:
+                self._overview.add(key, (rest[0][:1], rest[1][:1]))
+        for (bus, servo, _), rows in self._overview.curves() if is_whole else ():
+            of = self._curves[bus, servo, PEAK_ERROR]
+            path = self._entity(bus, servo, PEAK_OVERVIEW)
+            track = replace(of.track, path=path, quantity=PEAK_OVERVIEW)
+            curve = self._curves[bus, servo, PEAK_OVERVIEW] = PerSecond(track, of.name, of.colour)
+            curve.add(*rows)
 
     def _entity(self, bus: str, servo: int, name: str) -> str:
         """Return the path of a servo's entity, or of the bus's own (negative)."""
@@ -181,5 +199,6 @@ class Gauges:
             self.loads[bus] = max(self.loads.get(bus, 0.0), float(over[1].max(initial=0.0)))
         if quantity == PEAK_ERROR:
             sums = self._astray.setdefault(bus, {})
+            self._overview.add(key, over)
             name = self._curves[key].name
             sums[name] = sums.get(name, 0.0) + float(np.nansum(over[1]))

@@ -16,7 +16,6 @@ from sniffer.sinks.rerun.plots import (
     BY_SECOND,
     FOLLOWING_ERROR,
     MISSING,
-    PEAK_ERROR,
     PEAK_TIME,
     POSITION,
     RESPONSE_TIME,
@@ -162,7 +161,7 @@ def _overview(plots: Plots, log: Sequence[str]) -> rrb.Container:
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
         left.append((min(max(0.4 * len(lanes), 1.0), 3.0), view))
-    right = [(1.6, v) for v in plots.views((PEAK_ERROR,) if plots.times.is_long else ())]
+    right = [(1.6, v) for v in plots.views(plots.peaks)]
     right += [(1.3, v) for v in plots.views((MISSING, BUS_LOAD))]
     # of many servos the single times are ink; they stand with their servos
     right += [(1.6, v) for v in plots.views((PEAK_TIME if crowded else RESPONSE_TIME,))]

@@ -22,6 +22,9 @@ POSITION: Final = "position"
 RESPONSE_TIME: Final = "response_time"
 FOLLOWING_ERROR: Final = "following_error"
 PEAK_ERROR: Final = "largest_following_error"
+PEAK_OVERVIEW: Final = "largest_following_error_overview"
+"""The largest of several seconds, of a recording for which those of each second are too many."""
+
 PEAK_TIME: Final = "largest_response_time"
 BUS_LOAD: Final = "bus_load"
 MISSING: Final = "missing_answers"
@@ -44,11 +47,12 @@ PAST_S: Final = 120.0
 PERCENT: Final = (-8.0, 116.0)
 """An axis of percents: a small plot has room for two numbers, which are 0 and 100, off the edge."""
 
-BY_SECOND: Final = (PEAK_ERROR, PEAK_TIME, MISSING, BUS_LOAD)
-_SMALL: Final = (PEAK_ERROR, PEAK_TIME)
+BY_SECOND: Final = (PEAK_OVERVIEW, PEAK_ERROR, PEAK_TIME, MISSING, BUS_LOAD)
+_SMALL: Final = (PEAK_OVERVIEW, PEAK_ERROR, PEAK_TIME)
 _TIMES: Final = (RESPONSE_TIME, PEAK_TIME)
 _TITLES: Final = {
     PEAK_ERROR: "Largest following error in each second",
+    PEAK_OVERVIEW: "Largest following error in every {} s",
     PEAK_TIME: "Largest response time in each second",
     MISSING: "Missing answers",
     BUS_LOAD: "Bus load",
@@ -136,12 +140,13 @@ class BusFigures(NamedTuple):
 
     ``doubt_ns`` is how far its response times may be off, 99 of 100 of them; ``astray`` names the
     servos that are much further off their goals than the others; ``load`` is the largest in
-    percent.
+    percent; ``step_s`` is of how many seconds an overview has the largest.
     """
 
     doubt_ns: int = 0
     astray: str = ""
     load: float = math.inf
+    step_s: int = 1
 
 
 class Plots:
@@ -160,6 +165,14 @@ class Plots:
     def crowded(self) -> bool:
         """Tell whether the servos are too many for one tab."""
         return len(self.servos) > TOGETHER
+
+    @property
+    def peaks(self) -> tuple[str, ...]:
+        """The quantity by which errors of a long recording are overlooked."""
+        if not self.times.is_long:
+            return ()
+        there = {t.quantity for t in self._tracks}
+        return (PEAK_OVERVIEW if PEAK_OVERVIEW in there else PEAK_ERROR,)
 
     def of(self, ids: Sequence[int]) -> Plots:
         """Return what is of some servos, or of all at once."""
@@ -198,13 +211,14 @@ class Plots:
         import rerun.blueprint as rrb
 
         words = _TITLES.get(quantity) or quantity.replace("_", " ").capitalize()
+        words = words.format(self._figures.step_s)
         if title:
             words = f"{tracks[0].who}: {words.lower()}"
         name = f"{words} [{sign_of(unit) or 'raw'}]"
         figures = self._figures
         if quantity in _TIMES and figures.doubt_ns >= 100_000:
             name += f", 99 % known to ±{figures.doubt_ns / 1e6:.1f}"
-        if quantity == PEAK_ERROR and figures.astray:
+        if quantity in (PEAK_ERROR, PEAK_OVERVIEW) and figures.astray:
             name += f", most: {figures.astray}"
         # of a wrong rate there may be more than all
         is_share = quantity == BUS_LOAD and figures.load <= PERCENT[1]

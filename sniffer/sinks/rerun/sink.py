@@ -167,7 +167,7 @@ class RerunSink:
 
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""
-        self._gauges.close()
+        self._gauges.close(is_whole=not self._live)
         if not self._live:
             self._rank()
         self._send(1)
@@ -363,7 +363,8 @@ class RerunSink:
         # live, who is far off may be another one a moment later
         astray = "" if self._live else self._gauges.astray().get(bus, "")
         doubt_ns = 0 if doubt is None else doubt.high
-        return BusFigures(doubt_ns, astray, self._gauges.loads.get(bus, math.inf))
+        load = self._gauges.loads.get(bus, math.inf)
+        return BusFigures(doubt_ns, astray, load, self._gauges.step_s)
 
     def _rank(self) -> None:
         """Tell first registers from second ones, and draw each goal on to the end.

@@ -30,7 +30,7 @@ STYLES: Final = {
     "title": Style(dim=True, underline=True),
     "sorted": Style(bold=True, underline=True),
     "cursor": Style(reverse=True),
-    "lit": Style(color="bright_white", bold=True),
+    "lit": Style(bold=True),
     "bus": Style(bold=True),
     "good": Style(color="green"),
     "doubt": Style(color="yellow"),
@@ -41,7 +41,10 @@ STYLES: Final = {
     "warn": Style(color="yellow"),
     "note": Style(color="cyan"),
 }
-"""Green is in order, yellow is doubtful or long past, red is wrong now; dim is old or nothing."""
+"""Green is in order, yellow is doubtful or long past, red is wrong now; dim is old or nothing.
+
+Black and white are the terminal's own, whichever of them is its ground.
+"""
 
 
 class BoardLines:

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 HELP: Final = (
     ("Space", "hold the picture; listening and recording go on"),
-    ("s  S", "sort by the next column, by the one before; r: the other way round"),
-    ("f", "show some servos and anomalies only: servo=3,5 code=no-response, or an expression"),
-    ("", "such as value > 60 AND quantity = 'temperature'; empty: all again"),
+    ("s  S", "sort by the next column, by the one before; r: other way round"),
+    ("f", "show some servos and anomalies only: servo=3,5 code=no-response,"),
+    ("", "or an expression such as value > 60 AND quantity = 'temperature';"),
+    ("", "empty: all again"),
     ("↑ ↓  k j", "choose a servo"),
     ("Enter", "all its registers, and what was wrong with it; Esc: back"),
     ("?", "these keys, and back"),

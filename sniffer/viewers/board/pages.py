@@ -29,8 +29,9 @@ KEYS_HINT: Final = "? keys  Ctrl-C stops"
 FOUND_MOST: Final = 6
 """Lines of a servo's page that what was wrong has, where registers want the rest."""
 
-_REGISTER: Final = 30
-_VALUE: Final = 20
+_WIDE: Final = 30, 20, 10, 9, 9
+_NARROW: Final = 30, 18, 10, 8, 9
+"""Columns of a servo's page, two or one apart: name, value, raw, how long ago heard, changed."""
 
 
 def picture(
@@ -64,7 +65,7 @@ def _servo(
     head = _head(f"servo {servo} of {plain(bus)}", rows, row, width)
     found = _found(board, status, width, who)
     room = height - len(head) - 2 - min(len(found), FOUND_MOST)
-    heard = _registers(board.buses[bus], row, status.now_ns, room)
+    heard = _registers(board.buses[bus], row, status.now_ns, width, room)
     out = [*head, [(_titles(width), "title")], *heard, []]
     return [*out, *found[: max(height - len(out), 0)]]
 
@@ -80,33 +81,43 @@ def _head(title: str, rows: ServoCells, row: int, width: int) -> list[Line]:
     return [*_folded(told, width), *([[alarms]] if alarms[0] else [])]
 
 
-def _registers(tally: BusTally, row: int, now_ns: int, room: int) -> list[Line]:
+def _registers(tally: BusTally, row: int, now_ns: int, width: int, room: int) -> list[Line]:
     """Return lines on the registers of a servo, the last of which says what has no room."""
     heard = sorted(  # what moves and what is asked for stands in front, each in the table's order
         tally.memory.of(row),
         key=lambda one: (not one.changed_ns, now_ns - one.seen_ns > RECENT_NS),
     )
     kept = heard if len(heard) <= room else heard[: max(room - 1, 0)]
-    out = [_register(tally.protocol.registers[one.register], one, now_ns) for one in kept]
+    out = [_register(tally.protocol.registers[one.register], one, now_ns, width) for one in kept]
     if len(kept) < len(heard):
         out.append([(f"... and {len(heard) - len(kept)} more registers", "dim")])
     return out
 
 
-def _register(register: Register, one: HeardRegister, now_ns: int) -> Line:
+def _register(register: Register, one: HeardRegister, now_ns: int, width: int) -> Line:
     style = age_style(now_ns, one.seen_ns, one.changed_ns)
     changed = "-" if not one.changed_ns else _ago(now_ns - one.changed_ns)
     value = told_value(register, one.raw, one.value)
+    (name, says, raw, heard, since), apart = _columns(width)
+    rest = (f"{one.raw:>{raw}}", f"{_ago(now_ns - one.seen_ns):>{heard}}", f"{changed:>{since}}")
     return [
-        (fitted(plain(register.name), _REGISTER) + "  ", "dim" if style == "dim" else ""),
-        (fitted(value, _VALUE, right=True) + "  ", style),
-        (f"{one.raw:>10}  {_ago(now_ns - one.seen_ns):>9}  {changed:>9}", "dim"),
+        (fitted(plain(register.name), name) + apart, "dim" if style == "dim" else ""),
+        (fitted(value, says, right=True) + apart, style),
+        (apart.join(rest), "dim"),
     ]
 
 
 def _titles(width: int) -> str:
-    title = f"{'register':{_REGISTER}}  {'value':>{_VALUE}}  {'raw':>10}  {'heard s':>9}"
-    return fitted(f"{title}  {'changed s':>9}", width)
+    (name, *others), apart = _columns(width)
+    titles = zip(("value", "raw", "heard s", "changed s"), others, strict=True)
+    told = (f"{'register':{name}}", *(f"{title:>{room}}" for title, room in titles))
+    return fitted(apart.join(told), width)
+
+
+def _columns(width: int) -> tuple[tuple[int, ...], str]:
+    """Return how wide the columns are, and what stands between them."""
+    is_wide = width >= sum(_WIDE) + 2 * (len(_WIDE) - 1)
+    return (_WIDE, "  ") if is_wide else (_NARROW, " ")
 
 
 def _found(board: Remembered, status: Status, width: int, who: tuple[str, int]) -> list[Line]:
