@@ -180,10 +180,17 @@ class Progress:
 def _line(so_far: FleetProgress) -> str:
     rate = f"{so_far.bytes_per_second / 1e6:.1f} MB/s"
     if so_far.bytes_per_second < SLOW:
-        rate = f"{so_far.captures / so_far.seconds:.0f} a second"
+        rate = _frequency(so_far.captures, so_far.seconds)
     left = so_far.seconds_left
     told = "" if left is None else f", {_duration(left)} left"
     return f"{so_far.captures} of {so_far.of_captures} captures, {rate}{told}"
+
+
+def _frequency(captures: int, seconds: float) -> str:
+    """Return how often there is one, in a number that is not 0."""
+    if 0 < captures < seconds:
+        return f"{_duration(seconds / captures)} each"
+    return f"{captures / seconds:.0f} a second"
 
 
 def _duration(seconds: float) -> str:
