@@ -24,7 +24,7 @@ from tests.fleets import captures, serial
 from tests.golden import CAPTURES as SAMPLES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
@@ -216,6 +216,29 @@ def test_a_run_that_goes_by_an_older_list_takes_nothing_away_for_good(
     assert copied(copy) == copied(tmp_path / "whole")
 
 
+def test_a_capture_that_is_replaced_while_it_is_copied_is_copied_as_it_is_then(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs = shutil.copytree(made / "captures", tmp_path / "captures")
+    dataset, copy = tmp_path / "dataset", tmp_path / "copy"
+    serial(inputs, dataset)
+    row_groups = compact._row_groups
+    met: list[str] = []
+
+    def then(store: Store, path: str) -> Iterator[Any]:
+        yield from row_groups(store, path)
+        if not met:  # all of it is replaced by a run of another decoder
+            met.append(path)
+            serial(inputs, dataset, options=sniffer.Options(baud=115_200))
+
+    monkeypatch.setattr(compact, "_row_groups", then)
+    sniffer.compact_fleet(dataset, copy)
+    monkeypatch.setattr(compact, "_row_groups", row_groups)
+    assert not (dataset / met[0]).exists()
+    sniffer.compact_fleet(dataset, tmp_path / "whole")
+    assert copied(copy) == copied(tmp_path / "whole")
+
+
 def test_captures_that_are_being_replaced_are_waited_for_by_whoever_tries_again(
     made: Path, tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -247,6 +270,7 @@ def test_a_full_disk_is_told_in_a_line_and_with_room_the_copy_goes_on(
     told = within(capsys, "compact", dataset, "-o", tmp_path / "copy")
     assert told.status == 3
     assert told.err == f"sniffer: {tmp_path}/copy: cannot be written (No space left on device)\n"
+    assert not (tmp_path / "copy" / "_staging").exists()
     assert "samples" not in {name.partition("/")[0] for name in copied(tmp_path / "copy")}
     monkeypatch.setattr(Store, "put", put)
     told = within(capsys, "compact", dataset, "-o", tmp_path / "copy")

@@ -7,6 +7,7 @@ is, file by file, for a capture can be replaced only where its rows are files of
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import re
@@ -106,10 +107,14 @@ def compact_fleet(
     except OSError as error:
         told = "{root}: cannot be written ({why}): give {output} a folder that can be"
         raise OutputError(Sentence(told, root=into, why=error.strerror or error)) from None
-    for _ in range(ROUNDS):
-        done = work.round()
-        if done is not None:
-            return done
+    try:
+        for _ in range(ROUNDS):
+            done = work.round()
+            if done is not None:
+                return done
+    finally:
+        with contextlib.suppress(OSError):
+            target.sweep()
     raise UndoneError(f"{target.uri}: it is changed by another run again and again")
 
 
@@ -169,7 +174,6 @@ class _Copying:
             wanted = {file.path for file in files}
             for path in self._there() - wanted:
                 self._target.delete(path)
-            self._target.sweep()
             # another run may have gone by an older list, and taken away what is named now
             if wanted - self._there() or self._target.get_bytes(CAPTURES_FILE) != data:
                 return None
