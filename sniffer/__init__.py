@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
     from sniffer.doctor.examine import Examined, examine
     from sniffer.doctor.records import Level, Observation
+    from sniffer.fleet.compact import CompactedFleet, compact_fleet
     from sniffer.fleet.delta import register_delta
     from sniffer.fleet.progress import FleetProgress
     from sniffer.fleet.run import FleetRun, decode_fleet
@@ -72,6 +73,7 @@ __all__ = [
     "Checked",
     "Chunk",
     "Clock",
+    "CompactedFleet",
     "Compared",
     "Contents",
     "Converted",
@@ -124,6 +126,7 @@ __all__ = [
     "Window",
     "__version__",
     "check",
+    "compact_fleet",
     "convert",
     "cut",
     "decode",
@@ -150,6 +153,7 @@ __all__ = [
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
+    "fleet.compact": ("CompactedFleet", "compact_fleet"),
     "fleet.delta": ("register_delta",),
     "fleet.progress": ("FleetProgress",),
     "fleet.run": ("FleetRun", "decode_fleet"),

@@ -352,6 +352,19 @@ def test_small_captures_are_reckoned_by_their_number(
     assert "680 of 6000 captures, 68 a second, 1 min 18 s left" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("captures", "seconds", "told"),
+    [(2, 25.0, "12 s each"), (1, 90.0, "1 min 30 s each"), (30, 30.0, "1 a second")],
+)
+def test_captures_that_take_longer_than_a_second_are_told_by_what_each_takes(
+    captures: int, seconds: float, told: str, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    so_far = sniffer.FleetProgress(captures, 600, captures * 2000, 1_200_000, seconds)
+    Progress(quiet=False).progress(so_far)
+    assert f"{captures} of 600 captures, {told}, " in capsys.readouterr().err
+
+
 def test_batches_are_small_enough_for_every_worker_to_have_some() -> None:
     def sizes(workers: int, *given: int) -> list[list[int]]:
         tasks = [CaptureTask("", size, 0, "", "", "", "", "") for size in given]

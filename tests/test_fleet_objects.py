@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import pyarrow.parquet as pq
 import pytest
 
+import sniffer
 from sniffer.fleet.inputs import find_captures
 from sniffer.fleet.objects import AT_ONCE, find_objects, send_object
+from sniffer.fleet.rows import UndoneError
 from sniffer.fleet.store import Store
 from tests.commands import damaged, log, talk, within
 from tests.fleets import content, serial
@@ -135,6 +137,39 @@ def test_whichever_write_is_refused_the_next_run_completes_the_data_set(
         assert (tmp_path / f"{nth}-second" / "captures.parquet").exists()
         nth += 1
     assert nth == len(local) + 1
+
+
+def test_whichever_write_of_a_copy_is_refused_the_next_one_completes_it(
+    server: ObjectServer, capture: Path, tmp_path: Path
+) -> None:
+    assert serial(capture, "s3://bucket/whole").is_whole
+    serial(capture, tmp_path / "data")
+    sniffer.compact_fleet(tmp_path / "data", tmp_path / "compact")
+    wanted = tables(content(tmp_path / "compact"))
+    nth = 0
+    while True:
+        copy = f"s3://bucket/compact{nth}"
+        server.refuses = nth_write(nth)
+        told = ""
+        try:
+            sniffer.compact_fleet("s3://bucket/whole", copy)
+        except UndoneError as error:
+            told = str(error)
+        server.refuses = lambda method, path: False
+        if not told:
+            break
+        assert "refused" in told
+        held = content(copied(copy, tmp_path / f"{nth}-first"))
+        assert held.items() <= wanted.items()
+        done = sniffer.compact_fleet("s3://bucket/whole", copy)
+        assert done.written == len(wanted) - nth or nth == len(wanted)
+        assert content(copied(copy, tmp_path / f"{nth}-second")) == wanted
+        nth += 1
+    assert nth == len(wanted) + 1
+    server.requests.clear()
+    sniffer.compact_fleet("s3://bucket/whole", "s3://bucket/compact0")
+    got = [path for method, path in server.requests if method == "GET" and ".parquet" in path]
+    assert {path.rpartition("/")[2].partition("?")[0] for path in got} == {"captures.parquet"}
 
 
 def test_an_upload_that_is_refused_half_way_leaves_what_was_there(

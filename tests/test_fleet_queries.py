@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import pytest
 
 import sniffer
+from sniffer.fleet import rows as fleet_rows
+from sniffer.sources.stretches import Sizes
+from tests.commands import talk
 from tests.robots import make_captures, make_dataset
 from tests.transcripts import ROOT, Fence, agrees, fences
 
@@ -157,8 +160,7 @@ def test_robots_that_are_called_by_numbers_keep_their_names(tmp_path: Path) -> N
 
 
 def test_compacted_tables_hold_the_same_rows(fleet: Fleet) -> None:
-    (blocks,) = (s.blocks for s in sections() if s.title == "Fewer, larger files")
-    fleet.python(blocks[0].text)
+    sniffer.compact_fleet(fleet.folder / "dataset", fleet.folder / "compact")
     sql = "SELECT * FROM {} ORDER BY ALL"
     types = "{'robot': VARCHAR, 'date': DATE}"
     compacted = f"read_parquet('compact/samples/robot=*/date=*/*.parquet', hive_types = {types})"
@@ -215,6 +217,36 @@ def test_a_delta_table_follows_the_data_set(fleet: Fleet, tmp_path: Path) -> Non
     assert 0 < second[1] < first[1], "what was replaced counts no more"
     before = deltalake.DeltaTable(dataset / "transactions", version=1)
     assert before.get_add_actions(flatten=True).column("num_records")[0].as_py() == first[1]
+
+
+def test_a_delta_table_has_the_rows_of_a_huge_capture_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deltalake = pytest.importorskip("deltalake")
+    small = Sizes(head=300, least=400, most=400, warm=200, block=1, first=0)
+    monkeypatch.setattr(fleet_rows, "HUGE", small)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "x.bin").write_bytes(talk(40))
+    make_dataset(tmp_path / "in", tmp_path / "dataset")
+    sniffer.register_delta(tmp_path / "dataset")
+    table = deltalake.DeltaTable(tmp_path / "dataset" / "frames")
+    told = table.get_add_actions(flatten=True).column("num_records").to_pylist()
+    assert len(told) > 5
+    assert sum(told) == len(table.to_pyarrow_table())
+
+
+def test_a_delta_table_of_the_copy_follows_it_in_few_files(fleet: Fleet, tmp_path: Path) -> None:
+    deltalake = pytest.importorskip("deltalake")
+    copy = tmp_path / "copy"
+    sniffer.compact_fleet(fleet.folder / "dataset", copy)
+    sniffer.register_delta(copy)
+    table = deltalake.DeltaTable(copy / "samples")
+    told = table.get_add_actions(flatten=True).column("num_records").to_pylist()
+    (rows,) = fleet.sql("SELECT count(*) FROM samples").fetchone()
+    assert sum(told) == len(table.to_pyarrow_table()) == rows
+    before = sniffer.register_delta(copy)
+    sniffer.compact_fleet(fleet.folder / "dataset", copy)
+    assert sniffer.register_delta(copy) == before
 
 
 def test_what_is_no_data_set_is_not_registered(

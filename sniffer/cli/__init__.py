@@ -40,6 +40,7 @@ COMMANDS: Final = {
     "stats": "Count and measure: load, rates, times, errors.",
     "query": "Ask captures in SQL.",
     "fleet": "Make one data set of many captures.",
+    "compact": "Copy a data set into few large files.",
     "discover": "Find registers that no table names.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",

@@ -150,9 +150,13 @@ def _told(done: FleetRun) -> str:
 
 
 class Progress:
-    """How far it is: a line that changes on a terminal, a line now and then elsewhere."""
+    """How far it is: a line that changes on a terminal, a line now and then elsewhere.
 
-    def __init__(self, *, quiet: bool) -> None:
+    ``of`` is what is counted.
+    """
+
+    def __init__(self, *, quiet: bool, of: str = "captures") -> None:
+        self._of = of
         self._is_live = sys.stderr.isatty()
         self._every_s = TERMINAL_S if self._is_live else LOG_S
         self._next_s = self._every_s
@@ -164,7 +168,7 @@ class Progress:
         if self._quiet or so_far.seconds < self._next_s:
             return
         self._next_s = so_far.seconds + self._every_s
-        line = _line(so_far)
+        line = _line(so_far, self._of)
         if self._is_live:
             click.echo(f"\r{line}\x1b[K", nl=False, err=True)
             self._is_shown = True
@@ -177,13 +181,20 @@ class Progress:
             click.echo("\r\x1b[K", nl=False, err=True)
 
 
-def _line(so_far: FleetProgress) -> str:
+def _line(so_far: FleetProgress, of: str) -> str:
     rate = f"{so_far.bytes_per_second / 1e6:.1f} MB/s"
     if so_far.bytes_per_second < SLOW:
-        rate = f"{so_far.captures / so_far.seconds:.0f} a second"
+        rate = _frequency(so_far.captures, so_far.seconds)
     left = so_far.seconds_left
     told = "" if left is None else f", {_duration(left)} left"
-    return f"{so_far.captures} of {so_far.of_captures} captures, {rate}{told}"
+    return f"{so_far.captures} of {so_far.of_captures} {of}, {rate}{told}"
+
+
+def _frequency(captures: int, seconds: float) -> str:
+    """Return how often there is one, in a number that is not 0."""
+    if 0 < captures < seconds:
+        return f"{_duration(seconds / captures)} each"
+    return f"{captures / seconds:.0f} a second"
 
 
 def _duration(seconds: float) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import time
 import urllib.parse
+from collections import Counter
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.fleet.rows import DAMAGED, OK
@@ -46,6 +47,7 @@ def register_delta(
     need_pyarrow()
     need_deltalake()
     from deltalake.exceptions import DeltaError
+    from pyarrow import ArrowInvalid
 
     from sniffer.fleet.store import Store
     from sniffer.fleet.tables import TABLES
@@ -59,7 +61,7 @@ def register_delta(
         }
     except FileNotFoundError:
         raise InputError(f"{dataset} is no data set: `sniffer fleet` makes one") from None
-    except (DeltaError, OSError) as error:
+    except (DeltaError, ArrowInvalid, OSError) as error:
         told = " ".join(str(error).split())
         raise OutputError(f"{dataset}: cannot be registered ({told})") from None
 
@@ -73,7 +75,11 @@ class _RegisteredFile(NamedTuple):
 
 
 def _files(store: Store) -> dict[str, dict[str, _RegisteredFile]]:
-    """Return the files of each table that captures have, by their paths below it."""
+    """Return the files of each table that captures have, by their paths below it.
+
+    How many rows a file has the list of captures says, unless it has a part of a capture, or
+    several: of these the file is asked.
+    """
     import pyarrow.parquet as pq
 
     from sniffer.fleet.dataset import CAPTURES_FILE
@@ -81,17 +87,28 @@ def _files(store: Store) -> dict[str, dict[str, _RegisteredFile]]:
 
     with store.open(CAPTURES_FILE) as file:
         captures = pq.read_table(file, columns=["status", "files", *TABLES]).to_pylist()
-    rows = {
-        path: capture[path.partition("/")[0]]
-        for capture in captures
-        if capture["status"] in (OK, DAMAGED)
-        for path in capture["files"]
-    }
+    rows: dict[str, int | None] = {}
+    for capture in captures:
+        if capture["status"] not in (OK, DAMAGED):
+            continue
+        parts = Counter(path.partition("/")[0] for path in capture["files"])
+        for path in capture["files"]:
+            table = path.partition("/")[0]
+            is_told = path not in rows and parts[table] == 1
+            rows[path] = capture[table] if is_told else None
+
+    def counted(path: str) -> int:
+        told = rows[path]
+        if told is None:
+            with store.open(path) as file:
+                told = int(pq.read_metadata(file).num_rows)
+        return told
+
     out: dict[str, dict[str, _RegisteredFile]] = {}
     for table in TABLES:
         found = (f for f in store.files(table, deep=True) if f.path in rows)
         out[table] = {
-            f.path.removeprefix(f"{table}/"): _RegisteredFile(f.size, f.mtime_ns, rows[f.path])
+            f.path.removeprefix(f"{table}/"): _RegisteredFile(f.size, f.mtime_ns, counted(f.path))
             for f in found
         }
     return out

@@ -96,8 +96,8 @@ class CaptureTables:
         """Return how many rows the finished files of a table have."""
         return self._rows[table]
 
-    def _begun(self) -> dict[str, _GrowingFile]:
-        return {name: _GrowingFile(self._path(name), name, self._capture) for name in TABLES}
+    def _begun(self) -> dict[str, GrowingTable]:
+        return {name: _grown(self._path(name), name, self._capture) for name in TABLES}
 
     def _path(self, table: str) -> Path:
         number = "" if self._number is None else f"-{self._number}"
@@ -126,7 +126,7 @@ class CapturePiece:
     """
 
     def __init__(self, path: Path, capture: str) -> None:
-        self._grown = {name: _GrowingFile(_piece(path, name), name, capture) for name in TABLES}
+        self._grown = {name: _grown(_piece(path, name), name, capture) for name in TABLES}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -141,7 +141,7 @@ class CapturePiece:
             grown.close()
 
 
-def _add(grown: Mapping[str, _GrowingFile], bus: str, protocol: BusProtocol, batch: Batch) -> None:
+def _add(grown: Mapping[str, GrowingTable], bus: str, protocol: BusProtocol, batch: Batch) -> None:
     for name, file in grown.items():
         file.add(RELATIONS[name].build(bus, protocol, batch))
 
@@ -150,14 +150,22 @@ def _piece(path: Path, table: str) -> Path:
     return path.with_name(f"{path.stem}.{table}{path.suffix}")
 
 
-class _GrowingFile:
-    """One table's file; it is made when there are rows."""
+def _grown(path: Path, table: str, capture: str) -> GrowingTable:
+    """Return the file of a capture's table."""
+    return GrowingTable(path, columns_of(table), (capture,))
 
-    def __init__(self, path: Path, table: str, capture: str) -> None:
+
+class GrowingTable:
+    """One table's file; it is made when there are rows.
+
+    ``same`` are the names that stand in the first columns, in every row; rows come without them.
+    """
+
+    def __init__(self, path: Path, schema: Any, same: Sequence[str] = ()) -> None:
         self.path = path
         self.rows = 0
-        self._schema = columns_of(table)
-        self._capture = capture
+        self._schema = schema
+        self._same = same
         self._held: list[Any] = []
         self._waiting = 0
         self._writer: Any = None
@@ -192,7 +200,6 @@ class _GrowingFile:
         self._waiting -= count
         if group.num_columns and group.column(0).num_chunks > 1:
             group = group.unify_dictionaries().combine_chunks()
-        capture = constant(self._capture, count)
-        self._writer.write_table(
-            pa.Table.from_arrays([capture, *group.columns], schema=self._schema)
-        )
+        first = (constant(name, count) for name in self._same)
+        columns = [*first, *group.columns]
+        self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema))
