@@ -134,6 +134,7 @@ def _weighed(
     """Weigh one cause, of one servo where it is a servo's."""
     weights = WEIGHTS[cause.slug]
     mine = [f for f in left if f.code in weights and _concerns(f, servo)]
+    mine = [f for f in mine if not f.is_own or cause.of == SERVO]
     speaks = [f for f in mine if weights[f.code].weight > 0]
     keys = [f for f in speaks if weights[f.code].is_key]
     if not keys:

@@ -111,6 +111,10 @@ UNEVEN: Final = 0.85
 """Parts of their mean by which the times between outages vary, up to which they are even, and from
 which on not."""
 
+MOSTLY: Final = 0.8
+"""Part of the requests to a servo that is not there which have no answer: behind some stands what
+noise or a hole leaves of others."""
+
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
 
@@ -124,7 +128,7 @@ def never_answered(case: Case) -> Iterator[Finding]:
     for servo in case.servos:
         rows = np.flatnonzero(a["servo_id"] == servo)
         asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing and missing >= asked and not case.ledger.heard_from(servo):
+        if missing and missing >= MOSTLY * asked and not case.ledger.heard_from(servo):
             absent[servo] = rows
     counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
     is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1
