@@ -145,6 +145,7 @@ WEIGHTS: Final = (
         ("joint-limp", 3.5, "it does not follow its goals, and its motor does nothing"),
         ("goals-without-torque", 3.5, "it gets goals while its torque is off"),
         ("limp-by-status", 3.0, "it says itself that it is limp"),
+        ("torque-never-on", 1.4, "its torque is off after power-on, and nobody switches it on"),
         ("torque-gone", 2.0, "its torque went off by itself"),
         ("joint-not-following", 2.0, "it does not follow its goals"),
         ("joint-limp-after-restart", 2.2, "it does not follow since it was away"),
