@@ -199,6 +199,20 @@ def rs30x_state(t: float, place: int) -> list[tuple[float, bytes]]:
     ]
 
 
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "wck"])
+def test_a_line_that_is_held_low_for_most_of_the_time_is_neither_text_nor_another_rate(
+    protocol: str,
+) -> None:
+    def holds(talk: Conversation, cycle: int) -> None:
+        if cycle == 60:
+            for _ in range(1000):
+                talk.say(bytes(40))
+
+    told = robot(protocol, 3, behind=holds).diagnosed()
+    assert not codes(told) & {"nothing-holds", "bytes-translated"}
+    assert [cause for cause, _ in verdicts(told.incidents())][:1] == ["line-stuck"]
+
+
 # ------------------------------------------------------------------- who is away, and who is not
 
 ELSE: Final = {
