@@ -275,6 +275,7 @@ def test_a_question_that_is_left_unanswered_whenever_it_is_asked_is_refused(prot
 
     told = robot(protocol, 8, behind=asks).diagnosed()
     assert verdicts(told.incidents()) == [("servo-refuses", (2,))]
+    assert ELSE[protocol].hex(" ").upper() in told.incidents()[0].story
 
 
 @pytest.mark.parametrize("protocol", tuple(ELSE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.exchanges import FIRST
-from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NEVER_NS, NS
 
@@ -216,14 +217,23 @@ def one_question(case: Case) -> Iterator[Finding]:
         most = SELDOM_IN_VAIN if _in_vain(exchanges.failed, servo, runs) else SELDOM
         if times < SAME_QUESTION * len(runs) or share > most or chance > CHANCE:
             continue
-        yield _told(
+        kinds = exchanges.kinds
+        which = (
+            f"{case.protocol.op_name(kinds.op[kind])} ({kinds.example[kind][:16].hex(' ').upper()})"
+        )
+        told = _told(
             "one-question-unanswered",
             servo,
             runs,
             f"{times} of {len(runs)} silences of servo {servo} begin with one and the same request, "
-            f"which is {share:.0%} of what it answers",
+            f"{which}, which is {share:.0%} of what it answers",
             sureness(chance),
         )
+        places = tuple(
+            Place(r.at, r.length, r.first_ns, "the question is left unanswered") for r in runs[:3]
+        )
+        brief = f"servo {servo} answers all but {which}"
+        yield replace(told, places=places, brief=brief)
 
 
 def _in_vain(failed: Sequence[Failed], servo: int, runs: Sequence[Silence]) -> bool:
