@@ -128,6 +128,20 @@ def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
     assert re.search(r"no cause can be told of 2 x no-response \(servos 1, 3\)", done.out)
 
 
+def test_a_servo_that_was_asked_before_it_was_there_lost_no_answer(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    def comes_late(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 3 or cycle > 100:
+            return False
+        if cycle % 25 == 0:
+            talk.ask_in_vain(3)
+        return True
+
+    done = diagnose.says(said(tmp_path / "a.log", robot("mightyzap", 8, instead=comes_late)))
+    assert "nothing is wrong" in done.out
+
+
 def test_a_report_on_a_few_lost_answers_is_not_that_of_a_sound_capture(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

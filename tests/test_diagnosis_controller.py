@@ -252,6 +252,28 @@ def test_memory_that_is_written_in_the_loop_wears_out(protocol: str) -> None:
     assert "hours at this pace" in wear.what
 
 
+def tuned(*cycles: int, values: tuple[int, ...] = (20,)) -> Conversation:
+    """Let a wCK be told its gains in some cycles, these values in turn."""
+
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle in cycles:
+            gains = bytes([values[cycles.index(cycle) % len(values)], 30])
+            talk.write(wck.command(7 << 5 | 2, 0x09, gains))
+            talk.say(gains)
+            talk.rest(0.4)
+
+    return robot("wck", 8, behind=also)
+
+
+def test_four_writes_of_one_value_by_the_clock_are_those_of_a_loop() -> None:
+    assert verdicts(tuned(20, 100, 180, 260).diagnosed().incidents()) == [("nv-wear", (2,))]
+
+
+def test_four_writes_by_hand_or_of_several_values_are_tuning() -> None:
+    assert not tuned(20, 100, 150, 260).diagnosed().incidents()
+    assert not tuned(20, 100, 180, 260, values=(20, 22)).diagnosed().incidents()
+
+
 @pytest.mark.parametrize("protocol", KEEPING)
 def test_memory_that_is_set_up_once_does_not(protocol: str) -> None:
     assert not keeping(protocol, range(2)).diagnosed().incidents()

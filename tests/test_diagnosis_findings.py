@@ -127,6 +127,20 @@ def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
     assert verdicts(d.incidents()) == [("position-jump", (1,))]
 
 
+def test_a_position_that_stays_for_moments_where_no_goal_is_jumped_there() -> None:
+    def moved(away: list[int]) -> list[tuple[float, bytes]]:
+        goals = [
+            mightyzap_write(1, k * 0.04 + 0.02, 0x86, SOUND[k].to_bytes(2, "little"))
+            for k in range(120)
+        ]
+        return sorted([*places(*SOUND[:50], *away, *SOUND[50 + len(away) :]), *goals])
+
+    there = moved([3900] * 4)
+    assert verdicts(heard(there, "mightyzap").incidents()) == [("position-jump", (1,))]
+    for slowly in ([2300, 2600, 2900, 3200, 3200, 2900, 2600, 2300], [3900] * 20):
+        assert "position-jumps" not in codes(heard(moved(slowly), "mightyzap"))
+
+
 def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
     d = lss(*polled(lambda t: 150.0 if 4.99 < t < 5.01 else 10 + t, lambda t: None))
     assert "doubtful-value" in codes(d)

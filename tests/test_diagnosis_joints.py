@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from tests.conversations import Conversation, robot
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, polled
-from tests.streams import wck
+from tests.streams import rs30x, wck
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
 
 HANGS = {"joint-limp", "joint-stalled", "joint-not-following", "joint-limp-after-restart"}
 
@@ -191,3 +195,37 @@ def test_a_servo_that_says_it_is_limp_while_it_has_goals_is_without_torque() -> 
     assert verdicts(d.incidents()) == [("torque-off", (5,))]
     released = [(k * 0.5, "#5L") for k in range(20)]
     assert not lss(*[(t, x) for t, x in said if "D" not in x], *released).incidents()
+
+
+def switched_on(servos: tuple[int, ...], hanging: tuple[int, ...]) -> Diagnosis:
+    """Diagnose an RS30x client that reads positions alone; some joints stand still."""
+
+    def torque(talk: Conversation, cycle: int) -> None:
+        for servo in servos if not cycle else ():
+            talk.write(rs30x.write(servo, 0x24, b"\x01"))
+
+    return robot(
+        "rs30x",
+        8,
+        before=torque,
+        instead=lambda talk, cycle, servo: servo in hanging and (talk.read(servo, 0.2) or True),
+    ).diagnosed()
+
+
+def test_joints_that_nobody_switches_on_are_one_omission_whenever_they_are_to_move() -> None:
+    told = switched_on((), (1, 2, 3))
+    assert "torque-never-on" in codes(told)
+    (incident,) = told.incidents()
+    assert (incident.cause, incident.servo_ids) == ("torque-off", (1, 2, 3))
+    assert incident.causes[0].confidence > 0.7
+
+
+def test_the_one_joint_that_is_left_out_when_the_others_are_switched_on_is_named() -> None:
+    told = switched_on((1, 3), (2,))
+    assert "torque-never-on" in codes(told)
+    assert verdicts(told.incidents()) == [("torque-off", (2,))]
+
+
+def test_a_joint_that_stands_beside_others_that_move_may_have_been_switched_on_before() -> None:
+    assert "torque-never-on" not in codes(switched_on((), (2,)))
+    assert "torque-never-on" not in codes(switched_on((1, 2, 3), (2,)))

@@ -199,6 +199,20 @@ def rs30x_state(t: float, place: int) -> list[tuple[float, bytes]]:
     ]
 
 
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "wck"])
+def test_a_line_that_is_held_low_for_most_of_the_time_is_neither_text_nor_another_rate(
+    protocol: str,
+) -> None:
+    def holds(talk: Conversation, cycle: int) -> None:
+        if cycle == 60:
+            for _ in range(1000):
+                talk.say(bytes(40))
+
+    told = robot(protocol, 3, behind=holds).diagnosed()
+    assert not codes(told) & {"nothing-holds", "bytes-translated"}
+    assert [cause for cause, _ in verdicts(told.incidents())][:1] == ["line-stuck"]
+
+
 # ------------------------------------------------------------------- who is away, and who is not
 
 ELSE: Final = {
@@ -220,6 +234,48 @@ def test_who_leaves_one_question_unanswered_is_neither_away_nor_behind_a_bad_con
     told = robot(protocol, 8, behind=insists).diagnosed()
     assert "one-question-unanswered" in codes(told)
     assert verdicts(told.incidents()) == [("retry-storm", (2,))]
+
+
+def half_asked(talk: Conversation, cycle: int) -> None:
+    """Ask servo 2 something else as often as where it is; answer, but for a second now and then."""
+    if cycle % 80 < 60:
+        talk.say(ELSE["mightyzap"], Direction.TX)
+        talk.rest(0.3)
+        talk.say(mightyzap.packet(2, 0, bytes(2)), Direction.RX)
+        talk.rest(0.4)
+    else:
+        insist(talk, 10)
+
+
+def insist(talk: Conversation, times: int, protocol: str = "mightyzap") -> None:
+    for _ in range(times):
+        talk.say(ELSE[protocol], Direction.TX)
+        talk.rest(12)
+
+
+def test_a_question_that_is_half_of_all_and_is_said_again_in_vain_chooses_itself() -> None:
+    told = robot("mightyzap", 8, behind=half_asked).diagnosed()
+    assert "one-question-unanswered" in codes(told)
+    assert verdicts(told.incidents()) == [("retry-storm", (2,))]
+
+
+def test_a_capture_that_ends_in_a_storm_of_retries_has_no_dead_servo() -> None:
+    def insists(talk: Conversation, cycle: int) -> None:
+        insist(talk, 10 if cycle % 40 == 39 else 0)
+
+    told = robot("mightyzap", 8, behind=insists).diagnosed()
+    assert "silent-since" not in codes(told)
+    assert verdicts(told.incidents()) == [("retry-storm", (2,))]
+
+
+@pytest.mark.parametrize("protocol", tuple(ELSE))
+def test_a_question_that_is_left_unanswered_whenever_it_is_asked_is_refused(protocol: str) -> None:
+    def asks(talk: Conversation, cycle: int) -> None:
+        insist(talk, 2 if cycle % 60 == 20 else 0, protocol)
+
+    told = robot(protocol, 8, behind=asks).diagnosed()
+    assert verdicts(told.incidents()) == [("servo-refuses", (2,))]
+    assert ELSE[protocol].hex(" ").upper() in told.incidents()[0].story
 
 
 @pytest.mark.parametrize("protocol", tuple(ELSE))

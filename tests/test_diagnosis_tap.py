@@ -125,6 +125,17 @@ def test_a_tap_on_the_servos_wire_is_one_note(protocol: str) -> None:
     assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
 
 
+def test_answers_of_a_byte_on_the_servos_wire_are_no_strays_at_a_turn() -> None:
+    def acknowledged(talk: Conversation, cycle: int) -> None:
+        talk.rest(0.3 if cycle else 0)
+        talk.say(b"\x07", Direction.RX)
+        talk.rest(0.3)
+
+    talk = robot("rs30x", 4, behind=acknowledged)
+    (incident,) = talk.diagnosed(only(talk, Direction.RX)).incidents()
+    assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
+
+
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_controller_that_breaks_requests_off_is_no_tap_that_loses_bytes(protocol: str) -> None:
     def breaks_off(talk: Conversation, cycle: int) -> None:

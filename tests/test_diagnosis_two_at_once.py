@@ -13,6 +13,7 @@ from tests.diagnosed import codes, verdicts
 from tests.servos import lss
 from tests.streams import wck
 from tests.test_diagnosis_beside import torn_read
+from tests.test_diagnosis_tap import holes, one_wire
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -224,6 +225,40 @@ def test_a_clock_that_is_off_is_told_beside_bytes_that_the_tap_lost() -> None:
     )
     assert {"tap-loss", "clock-drift"} <= {cause for cause, _ in told}
     assert ("clock-drift", (1,)) in told
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_what_noise_leaves_behind_requests_to_a_dead_servo_is_no_answer(protocol: str) -> None:
+    rng = random.Random(4)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 2 and cycle > 160:
+            talk.say(talk.tongue.ask(servo))
+            if rng.random() < 0.1:
+                talk.rest(0.3)
+                talk.say(bytes((0xC1, 0x41)))
+            talk.rest(20)
+        elif rng.random() < 0.03:
+            torn_read(talk, servo, altered)
+        else:
+            return False
+        return True
+
+    told = robot(protocol, 10, instead=instead, goals=False).diagnosed()
+    assert ("servo-dead", (2,)) in verdicts(told.incidents())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_what_is_lost_of_a_servo_that_is_not_there_is_not_the_taps_loss(protocol: str) -> None:
+    def asks(talk: Conversation, cycle: int) -> None:
+        if cycle % 8 == 0:
+            talk.ask_in_vain(9, 20)
+
+    talk = robot(protocol, 10, behind=asks)
+    told = talk.diagnosed(holes(one_wire(talk))).incidents()
+    assert verdicts(told) == [("servo-absent", (9,)), ("tap-loss", ())]
+    loss = next(i for i in told if i.cause == "tap-loss")
+    assert 9 not in {f.servo_id for f in loss.findings if f.code == "no-response"}
 
 
 @pytest.mark.parametrize(("torn", "at_turn"), [(0.0, True), (0.02, False)])

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from sniffer.decoding.translations import translated
+from sniffer.ground.model import Direction
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.conversations import TONGUES, Conversation, robot, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.streams import rs30x
 from tests.test_diagnosis_tap import holes, one_wire
 
 if TYPE_CHECKING:
@@ -104,6 +106,26 @@ def test_what_altered_a_capture_is_named_and_nobody_else_is_accused(
     (finding,) = (f for f in found(diagnosis) if f.code == "bytes-translated")
     assert told in finding.what
     assert diagnosis.incidents()[0].causes[0].confidence > 0.9
+
+
+def test_an_answer_that_lacks_a_byte_does_not_take_the_next_request_with_it() -> None:
+    """It counts the first byte of what follows for its last one: neither of the two is a frame."""
+    talk = Conversation("rs30x")
+    for cycle in range(120):
+        talk.until(cycle / 20)
+        goals = b"".join(
+            bytes([servo]) + (40 + 3 * cycle + servo).to_bytes(2, "little") for servo in (1, 2)
+        )
+        talk.write(rs30x.packet(0, 0, 0x1E, 3, 2, goals))
+        for servo in (1, 2):
+            place = (40 + 3 * cycle).to_bytes(2, "little")
+            talk.say(rs30x.packet(servo, 0x09, 0, 0, 1), Direction.TX)
+            talk.rest(0.3)
+            warmth = 0x1C if servo == 2 else 0x1D
+            state = place + bytes([0, 0, 5, 0, 70, 0, warmth, 0, 0xD6, 2]) + bytes(6)
+            talk.say(rs30x.returned(servo, 0x2A, state), Direction.RX)
+    capture = altered(one_wire(talk), without(0x03, 0x1C))
+    assert verdicts(talk.diagnosed(capture).incidents())[0] == ("tap-not-raw", ())
 
 
 @pytest.mark.parametrize("protocol", TONGUES)

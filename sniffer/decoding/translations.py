@@ -50,6 +50,9 @@ MOST_MISSING: Final = 3
 """Bytes of one value that are put back into one frame at most; one fewer where the frame is long,
 and where several values may be meant: tries would be too many, and hold by chance."""
 
+HEADER: Final = 2
+"""Bytes that frames begin with, of one protocol always the same ones."""
+
 SHORT: Final = 14
 """Bytes of a frame that is not long."""
 
@@ -317,10 +320,19 @@ def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
 
 def _torn(protocol: BusProtocol, head: bytes) -> list[tuple[int, bytes]]:
     """Return what no frame claims, cut where frames begin; short pieces, with their places."""
-    out = []
+    pieces = []
     for a, b in between(protocol, head):
         gaps = protocol.explain(head[a:b], a)
         begins = [a, *(gap.start for gap in gaps[1:] if gap.reason != "noise"), b]
+        pieces += list(itertools.pairwise(begins))
+    # a frame that lacks a byte takes the first one of the next for its own, which is no frame then
+    headers = Counter(head[a : a + HEADER] for a, _ in (*pieces, *spans_in(protocol, head)))
+    usual = [h for h, n in headers.items() if n >= LEAST_MENDED and len(h) == HEADER]
+    begun = re.compile(b"|".join(map(re.escape, usual))) if usual else None
+    out = []
+    for a, b in pieces:
+        inner = (m.start() for m in begun.finditer(head, a + HEADER, b)) if begun else ()
+        begins = [a, *(k for k in inner if k > a + HEADER), b]
         out += [(c, head[c:d]) for c, d in itertools.pairwise(begins) if 2 < d - c <= LONGEST]
     return out
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import numpy as np
 
 from sniffer.diagnosis.buckets import BUCKET_NS
+from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import MILLI, Ledger
 from sniffer.diagnosis.misread import misread
@@ -185,6 +186,11 @@ class Case:
     def damage(self) -> Table:
         """Damaged places by bucket, servo and turn (``damage.TURNS``)."""
         return self.ledger.damages.counted()
+
+    @property
+    def held_bytes(self) -> int:
+        """How many bytes are one value over and over, of a line that is held at a level."""
+        return int(self.damage["bytes"][self.damage["turn"] == HELD].sum())
 
     @functools.cached_property
     def line_errors(self) -> Table:

@@ -26,7 +26,8 @@ class Finding:
     much of the weight that the table gives the code counts here, 0..1: a rule that saw three cases
     is less sure than one that saw three hundred. ``what`` is a sentence with the numbers, ``brief``
     the few words that it has in a story. ``episodes`` are the moments it is about, (first, last) in
-    ns, where there are several. ``values`` are its numbers by name.
+    ns, where there are several. ``values`` are its numbers by name. ``is_own``: it tells of its
+    servo and of nobody else, so no cause that is not a servo's explains it.
     """
 
     code: str
@@ -40,6 +41,7 @@ class Finding:
     brief: str = ""
     episodes: tuple[tuple[int, int], ...] = ()
     values: tuple[tuple[str, float], ...] = ()
+    is_own: bool = False
 
     def value(self, name: str, otherwise: float = 0.0) -> float:
         """Return one of its numbers."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.rules.symptoms import SILENT
+from sniffer.diagnosis.rules.symptoms import MISSING, SILENT
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Severity
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.model import Incident
-
-MISSING: Final = "no-response"
 
 SHOWN: Final = 6
 """Servos that are named of one code."""
@@ -40,9 +38,15 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> str:
                 continue  # who looks for servos asks ids that there are not
             if CATALOGUE[code].severity >= Severity.WARN and code not in SILENT:
                 counts[code][servo] += int(alarms["n"][row])
+        for servo in case.answering:  # who was not there yet did not lose an answer
+            late = case.ledger.silences.late(servo)
+            if late is not None and servo in counts[MISSING]:
+                counts[MISSING][servo] -= late.missed
+                if counts[MISSING][servo] <= 0:
+                    del counts[MISSING][servo]
         of_bus = f" on {case.bus}" if len(cases) > 1 else ""
         for code, by_servo in sorted(counts.items(), key=lambda e: -sum(e[1].values())):
-            if (case.bus, code) not in explained:
+            if by_servo and (case.bus, code) not in explained:
                 n = int(np.sum(list(by_servo.values())))
                 told.append(f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}")
     return ", ".join(told)

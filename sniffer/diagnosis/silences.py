@@ -19,6 +19,10 @@ LEAST: Final = 3
 KEPT: Final = 500
 """Of each servo the first so many, and the last one."""
 
+TORN: Final = 4
+"""Of so many requests that had no answer one may seem to have a torn one: what noise leaves behind
+a request to a dead servo is no answer."""
+
 
 class Silence(NamedTuple):
     """One stretch: the first request that had no answer, how many had none, when one came again.
@@ -44,6 +48,10 @@ class Silences:
         self._unheard: set[int] = set()
         """Whose open stretch began before they ever answered."""
         self._late: dict[int, Silence] = {}
+        self._since: dict[int, Silence] = {}
+        """What had no answer since the last sound one, torn ones between them or not."""
+        self._torn: dict[int, int] = {}
+        """How many torn ones are between them."""
         self.heard: set[int] = set()
         """Servos that answered at least once."""
 
@@ -59,14 +67,32 @@ class Silences:
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
-        if not missed.any() and not self._open:
+        if not missed.any() and not self._open and not self._since:
             return
-        for who in sorted({*np.unique(servo[missed]).tolist(), *self._open}):
+        for who in sorted({*np.unique(servo[missed]).tolist(), *self._open, *self._since}):
             mine = np.flatnonzero(servo == who)
             if len(mine):
                 ok = np.flatnonzero(answered[mine])
+                if who in self.heard:
+                    self._last(who, batch.base, frames, rows[mine], missed[mine], ok)
                 first = 0 if who in before else int(ok[0]) if len(ok) else len(mine)
                 self._follow(who, batch.base, frames, rows[mine], missed[mine], first)
+
+    def _last(self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, ok: I64) -> None:
+        """Follow what a servo leaves unanswered behind its last sound answer."""
+        if len(ok):
+            self._since.pop(who, None)
+            rows, missed = rows[ok[-1] + 1 :], missed[ok[-1] + 1 :]
+        lost = np.flatnonzero(missed)
+        if who not in self._since:
+            if not len(lost):
+                return
+            self._since[who] = _silence(base, frames, int(rows[lost[0]]), 0)
+            self._torn[who] = 0
+            missed = missed[lost[0] :]
+        one = self._since[who]
+        self._since[who] = one._replace(missed=one.missed + int(missed.sum()))
+        self._torn[who] += int((~missed).sum())
 
     def _follow(
         self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, heard: int
@@ -83,13 +109,7 @@ class Silences:
                 one = self._open[who]
                 self._open[who] = one._replace(missed=one.missed + count)
             else:
-                self._open[who] = Silence(
-                    int(frames.t_start[row]),
-                    int(frames.start[row]) + base,
-                    int(frames.length[row]),
-                    count,
-                    None,
-                )
+                self._open[who] = _silence(base, frames, int(row), count)
                 if a < heard:
                     self._unheard.add(who)
             if b < n:
@@ -117,13 +137,23 @@ class Silences:
 
     def of(self, servo_id: int) -> Sequence[Silence]:
         """Return the silences of a servo, the one that lasts until the end among them."""
-        last = self._open.get(servo_id)
-        over = self._over.get(servo_id, [])
+        last = self._ending(servo_id)
+        over = self._before(self._over.get(servo_id, ()), last)
         return [*over, last] if last is not None and last.missed >= LEAST else over
 
     def runs(self, servo_id: int) -> Sequence[Silence]:
         """Return the first stretches of a servo that were over, also those of one request."""
-        return self._runs.get(servo_id, ())
+        return self._before(self._runs.get(servo_id, ()), self._ending(servo_id))
+
+    def _ending(self, servo_id: int) -> Silence | None:
+        """Return the stretch that lasts until the end; a few torn answers in it are none."""
+        since, torn = self._since.get(servo_id), self._torn.get(servo_id, 0)
+        if since is not None and since.missed >= LEAST and torn * TORN <= since.missed:
+            return since
+        return self._open.get(servo_id)
+
+    def _before(self, some: Sequence[Silence], last: Silence | None) -> Sequence[Silence]:
+        return some if last is None else [s for s in some if s.at < last.at]
 
     def late(self, servo_id: int) -> Silence | None:
         """Return the stretch before a servo's first answer: it came later, and was not away."""
@@ -132,3 +162,14 @@ class Silences:
     def lengths(self, servo_id: int) -> tuple[int, ...]:
         """Return how many stretches that were over had one request, two, and ``LEAST`` or more."""
         return tuple(self._lengths.get(servo_id, (0,) * LEAST))
+
+
+def _silence(base: int, frames: Frames, row: int, missed: int) -> Silence:
+    """Return a stretch that begins with the request in a row of a batch."""
+    return Silence(
+        int(frames.t_start[row]),
+        int(frames.start[row]) + base,
+        int(frames.length[row]),
+        missed,
+        None,
+    )

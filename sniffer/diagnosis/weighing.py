@@ -57,6 +57,9 @@ ITS_OWN: Final = "damage-one-servo"
 TOGETHER_NS: Final = NS
 """One cause that befalls several servos within this time is one incident."""
 
+OMITTED: Final = "torque-never-on"
+"""What a program leaves out for several servos is one mistake, whenever each of them is to move."""
+
 
 class Weighed(NamedTuple):
     """A cause with what it scores and why."""
@@ -134,6 +137,7 @@ def _weighed(
     """Weigh one cause, of one servo where it is a servo's."""
     weights = WEIGHTS[cause.slug]
     mine = [f for f in left if f.code in weights and _concerns(f, servo)]
+    mine = [f for f in mine if not f.is_own or cause.of == SERVO]
     speaks = [f for f in mine if weights[f.code].weight > 0]
     keys = [f for f in speaks if weights[f.code].is_key]
     if not keys:
@@ -215,7 +219,7 @@ def _why(w: Weighed) -> str:
 
 
 def _joined(found: list[Explained]) -> list[Explained]:
-    """Join what one cause did to several servos at once: a supply that feeds them all is one."""
+    """Join what one cause did to several servos: a supply that feeds them all is one."""
     out: list[Explained] = []
     for one in found:
         first = min(f.first_ns for f in one.findings)
@@ -226,7 +230,10 @@ def _joined(found: list[Explained]) -> list[Explained]:
                 for k, other in enumerate(out)
                 if other.causes[0].cause == cause
                 and CAUSES[cause].of == SERVO
-                and abs(min(f.first_ns for f in other.findings) - first) <= TOGETHER_NS
+                and (
+                    abs(min(f.first_ns for f in other.findings) - first) <= TOGETHER_NS
+                    or (_has(one, OMITTED) and _has(other, OMITTED))
+                )
             ),
             None,
         )
@@ -239,6 +246,10 @@ def _joined(found: list[Explained]) -> list[Explained]:
         servo_ids = tuple(sorted({*other.servo_ids, *one.servo_ids}))
         out[twin] = Explained(servo_ids, findings, other.causes, other.key)
     return out
+
+
+def _has(one: Explained, code: str) -> bool:
+    return any(f.code == code for f in one.findings)
 
 
 def _order(cause: Cause) -> int:

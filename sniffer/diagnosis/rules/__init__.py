@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.passing import without_passed
 from sniffer.diagnosis.rules import (
     absences,
     bits,
@@ -103,7 +104,7 @@ FINDINGS: Final[Mapping[str, FindingCode]] = MappingProxyType(
 def findings(case: Case) -> list[Finding]:
     """Return all that the rules find, in order of time."""
     found = [finding for rule in RULES for finding in rule(case)]
-    return sorted(found, key=lambda f: (f.first_ns, f.code, f.servo_id or -1))
+    return sorted(without_passed(case, found), key=lambda f: (f.first_ns, f.code, f.servo_id or -1))
 
 
 def markdown() -> str:

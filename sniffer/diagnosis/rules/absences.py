@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,14 +11,15 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.exchanges import FIRST
-from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import track
-from sniffer.ground.model import NS
+from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.exchanges import Failed
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
 
@@ -50,12 +52,15 @@ FINDINGS: Final = (
         "one-question-unanswered",
         "pairing",
         "A servo leaves one question unanswered time and again, and answers all others meanwhile.",
-        "More than three silences, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers; with sound answers between, so that chance does not choose it.",
+        "Two silences or more, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers (half, where it is said again and no repetition is answered); with sound answers between, so that chance does not choose it.",
     ),
 )
 
 OFTEN: Final = 3
 """Silences that are a habit."""
+
+TWICE: Final = 2
+"""Silences from which on chance decides whether they chose a question."""
 
 PLENTY: Final = 6
 """So many silences would tear an answer if a contact made them."""
@@ -74,6 +79,10 @@ SAME_QUESTION: Final = 0.9
 
 SELDOM: Final = 1 / 3
 """Who is asked mostly one thing loses mostly that, whatever the reason."""
+
+SELDOM_IN_VAIN: Final = 1 / 2
+"""The same where silences do not end with an answer to a repetition: who comes back answers what is asked
+just then, and in a storm of retries that is the question that began it."""
 
 CHANCE: Final = 1e-3
 
@@ -194,7 +203,7 @@ def one_question(case: Case) -> Iterator[Finding]:
     owner = np.array(exchanges.kinds.servo_id, np.int64)
     for servo in case.answering:
         runs = [run for run in case.ledger.silences.runs(servo) if run.at in kind_at]
-        if len(runs) <= OFTEN:
+        if len(runs) < TWICE:
             continue
         begins = np.bincount([kind_at[run.at] for run in runs])
         kind, times = int(begins.argmax()), int(begins.max())
@@ -205,16 +214,41 @@ def one_question(case: Case) -> Iterator[Finding]:
             said = exchanges.kinds.n
             share = max(share, float(said[kind] / max(said[mine].sum(), 1)))
         chance = at_least(times, len(runs), share)
-        if times < SAME_QUESTION * len(runs) or share > SELDOM or chance > CHANCE:
+        most = SELDOM_IN_VAIN if _in_vain(exchanges.failed, servo, runs) else SELDOM
+        if times < SAME_QUESTION * len(runs) or share > most or chance > CHANCE:
             continue
-        yield _told(
+        kinds = exchanges.kinds
+        which = (
+            f"{case.protocol.op_name(kinds.op[kind])} ({kinds.example[kind][:16].hex(' ').upper()})"
+        )
+        told = _told(
             "one-question-unanswered",
             servo,
             runs,
             f"{times} of {len(runs)} silences of servo {servo} begin with one and the same request, "
-            f"which is {share:.0%} of what it answers",
+            f"{which}, which is {share:.0%} of what it answers",
             sureness(chance),
         )
+        places = tuple(
+            Place(r.at, r.length, r.first_ns, "the question is left unanswered") for r in runs[:3]
+        )
+        brief = f"servo {servo} answers all but {which}"
+        yield replace(told, places=places, brief=brief)
+
+
+def _in_vain(failed: Sequence[Failed], servo: int, runs: Sequence[Silence]) -> bool:
+    """Tell whether the request is said again in the silences, and the controller then goes on.
+
+    A silence that ends with an answer to a repetition ends behind a failure that was said again.
+    """
+    mine = [f for f in failed if f.servo_id == servo]
+    vain = known = 0
+    for run in runs:
+        lost = [f for f in mine if run.at <= f.at and f.t_ns < (run.back_ns or NEVER_NS)]
+        if len(lost) == run.missed:  # the later ones may not be kept
+            known += 1
+            vain += len(lost) > 1 and lost[0].is_again and not lost[-1].is_again
+    return vain > OFTEN and vain >= SAME_QUESTION * known
 
 
 def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:

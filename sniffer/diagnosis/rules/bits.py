@@ -196,6 +196,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
         for m in case.misreads
         if m.shape == BITS_FEW
     )
+    of_frames = sum(m.bit >= ENDING for m in case.misreads)
     second = sum(f.bit >= BITS // 2 for m in case.misreads for f in m.flips)
     for servo in case.servos:
         read = [m for m in case.misreads if m.servo_id == servo]
@@ -212,6 +213,13 @@ def last_bits(case: Case) -> Iterator[Finding]:
         alone = alone and mine >= STOPS * case.total("damaged", servo)
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
+        whole = [
+            m.bit for m in read if m.bit >= 0
+        ]  # frames that one bit explains, of whatever byte
+        ends_whole = sum(bit >= ENDING for bit in whole)
+        if not bitwise and len(whole) >= SAME and ends_whole >= PURE * max(len(whole), of_frames):
+            bitwise, late, chance = True, ends_whole, at_least(ends_whole, len(whole), 0.375)
+            flips = [f for m in read if m.bit >= 0 for f in m.flips]
         if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):
             bitwise, chance, late = True, 0.5**half, half
         if not (alone or bitwise):

@@ -57,7 +57,8 @@ FINDINGS: Final = (
         "controller",
         "Memory that wears out is written over and over.",
         "At least eight writes of one setting that is kept without power (or commands to keep "
-        "settings), or five at an even pace, at a pace that reaches the rated cycles within the servo's life.",
+        "settings), or five at an even pace, or four of one value by the clock, at a pace that reaches "
+        "the rated cycles within the servo's life.",
     ),
 )
 
@@ -75,6 +76,10 @@ LOOP: Final = 8
 LOOP_EVEN: Final = 5
 EVEN: Final = 1.3
 """The same where they come at an even pace, none so many times as long as another: nobody tunes so."""
+
+LOOP_CLOCKED: Final = 4
+CLOCKED: Final = 1.05
+"""The same of one value, which nobody who tunes writes twice, at a pace that no hand keeps."""
 
 RATED: Final = 100_000
 """Cycles of the memory. An assumption: no manual of these servos states it; data sheets of
@@ -235,8 +240,8 @@ def unnamed_writes(case: Case) -> Iterator[Finding]:
 
 def memory_wear(case: Case) -> Iterator[Finding]:
     """Settings that are kept without power, written in a loop."""
-    for servo, (what, n, span, place) in sorted(_kept(case).items()):
-        if n < LOOP and not (n >= LOOP_EVEN and _is_even(case, place.offset)):
+    for servo, (what, n, span, place, is_one) in sorted(_kept(case).items()):
+        if n < LOOP and not _in_a_loop(case, n, place.offset, is_one):
             continue
         seconds = (span[1] - span[0]) / NS
         hours = RATED / (n - 1) * seconds / 3600
@@ -257,21 +262,25 @@ def memory_wear(case: Case) -> Iterator[Finding]:
         )
 
 
-def _is_even(case: Case, at: int) -> bool:
-    """Tell whether requests of the kind whose first one stands at a place come at an even pace."""
+def _in_a_loop(case: Case, n: int, at: int, is_one: bool) -> bool:
+    """Tell whether the few requests of the kind whose first one stands at a place are of a loop."""
+    least, pace = (LOOP_CLOCKED, CLOCKED) if is_one and n < LOOP_EVEN else (LOOP_EVEN, EVEN)
     kinds = case.ledger.exchanges.kinds
-    if not case.has_clock or at not in kinds.at:
+    if n < least or not case.has_clock or at not in kinds.at:
         return False
     t, kind = case.ledger.exchanges.moments.stretches()[0]
     between = np.diff(t[kind == kinds.at.index(at)])
-    return len(between) >= LOOP_EVEN - 1 and bool(between.max() <= EVEN * between.min())
+    return len(between) >= least - 1 and bool(between.max() <= pace * between.min())
 
 
-_Kept = tuple[str, int, tuple[int, int], Place]
+_Kept = tuple[str, int, tuple[int, int], Place, bool]
 
 
 def _kept(case: Case) -> dict[int, _Kept]:
-    """Return for each servo what was written oftenest to memory: what, how often, when, where."""
+    """Return for each servo what was written oftenest to memory.
+
+    What, how often, when, where, and whether it was one value each time.
+    """
     out: dict[int, _Kept] = {}
     kinds, w = case.ledger.exchanges.kinds, case.writes
     keeps = getattr(case.protocol, "keeps", "")
@@ -280,16 +289,21 @@ def _kept(case: Case) -> dict[int, _Kept]:
             if case.protocol.op_name(op) == keeps and not kinds.odd[k] & ~UNUSUAL:
                 span = kinds.t_first[k], int(kinds.t_last[k])
                 place = Place(kinds.at[k], len(kinds.example[k]), span[0], keeps)
-                out[kinds.servo_id[k]] = keeps, int(kinds.n[k]), span, place
+                out[kinds.servo_id[k]] = keeps, int(kinds.n[k]), span, place, False
         return out
     for i in range(len(w["register"])):
         register, servo = case.protocol.registers[int(w["register"][i])], int(w["servo_id"][i])
         n = int(w["n"][i]) - int(w["refused"][i])
-        if register.volatile or "w" not in register.access or n <= out.get(servo, ("", 0))[1]:
+        if (
+            register.volatile
+            or "w" not in register.access
+            or n <= (out[servo][1] if servo in out else 0)
+        ):
             continue
         span = int(w["t_first"][i]), int(w["t_last"][i])
         place = Place(int(w["at"][i]), int(w["length"][i]), span[0], f"writes {register.name}")
-        out[servo] = register.name, n, span, place
+        is_one = bool(w["low"][i] == w["high"][i])
+        out[servo] = register.name, n, span, place, is_one
     return out
 
 

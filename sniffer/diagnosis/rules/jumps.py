@@ -40,6 +40,9 @@ FASTEST: Final = {"deg": 1500.0, "mm": 400.0}
 """Three times the speed without load of the fastest servos of these kinds (0.11 s for 60 degrees,
 112 mm/s)."""
 
+OVER: Final = 3.0
+"""How many times what the fastest can that is: who is back from there at once was not there."""
+
 AHEAD: Final = 4.0
 """How many times the greatest of the usual steps a jump is."""
 
@@ -100,6 +103,7 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
         is_told = joint is not None and joint.position.index == p.index
         if joint is not None and is_told and _was_told(joint, s, before_ns):
             continue
+        comes_back |= is_told and _rests_there(case, p, s, follows)
         if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
             out.append(s)
     return out
@@ -123,6 +127,24 @@ def _comes_back(s: Leap, follows: Leap | None) -> bool:
     if follows is None or follows.before != s.after or follows.t_ns - follows.took_ns != s.t_ns:
         return False
     return abs(follows.after - s.before) <= BACK * s.size
+
+
+def _rests_there(case: Case, p: Series, s: Leap, follows: Leap | None) -> bool:
+    """Tell whether a position stays where it jumped to for some looks, and jumps back.
+
+    Both ways are faster than its motor can be, and no goal lies there: it does not bounce either.
+    """
+    if follows is None or follows.before != s.after or p.unit not in FASTEST or not case.has_clock:
+        return False
+    stays_ns = follows.t_ns - follows.took_ns - s.t_ns
+    return (
+        stays_ns <= SOON_NS
+        and abs(follows.after - s.before) <= BACK * s.size
+        and all(
+            leap.size / MILLI * NS > FASTEST[p.unit] / OVER * (leap.took_ns + case.latency_ns)
+            for leap in (s, follows)
+        )
+    )
 
 
 def _returns(steps: Sequence[Leap], k: int) -> bool:

@@ -212,6 +212,8 @@ def strays(case: Case) -> Iterator[Finding]:
     at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
     if sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
         return  # they are what is left of second answers
+    if not case.traffic["requests"].sum():
+        return  # no turn is heard, and an answer of a byte (an ACK of RS30x) is none by itself
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
     torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
     seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in STRAYS})

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.exchanges import KEPT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
 
@@ -110,6 +111,10 @@ UNEVEN: Final = 0.85
 """Parts of their mean by which the times between outages vary, up to which they are even, and from
 which on not."""
 
+MOSTLY: Final = 0.8
+"""Part of the requests to a servo that is not there which have no answer: behind some stands what
+noise or a hole leaves of others."""
+
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
 
@@ -123,7 +128,7 @@ def never_answered(case: Case) -> Iterator[Finding]:
     for servo in case.servos:
         rows = np.flatnonzero(a["servo_id"] == servo)
         asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing and missing >= asked and not case.ledger.heard_from(servo):
+        if missing and missing >= MOSTLY * asked and not case.ledger.heard_from(servo):
             absent[servo] = rows
     counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
     is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1
@@ -152,7 +157,7 @@ def silences(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         spells = case.ledger.silences.of(servo)
         for s in spells:
-            if s.back_ns is None and s.missed >= ENOUGH:
+            if s.back_ns is None and s.missed >= ENOUGH and not _is_one_question(case, servo, s):
                 took = (case.last_ns - s.first_ns) / NS
                 yield Finding(
                     "silent-since",
@@ -173,6 +178,21 @@ def silences(case: Case) -> Iterator[Finding]:
         if len(away) < AGAIN:
             yield from _now_and_then(case, servo)
         yield from _rhythm(case, servo)
+
+
+def _is_one_question(case: Case, servo: int, last: Silence) -> bool:
+    """Tell whether a servo is asked nothing to the end but what it left unanswered before.
+
+    A capture that ends in a storm of retries says nothing of the servo.
+    """
+    kept = case.ledger.exchanges.failed
+    failed = [f for f in kept if f.servo_id == servo]
+    ending = sum(f.at >= last.at for f in failed)
+    if len({f.kind for f in failed}) != 1 or len(failed) - ending < AGAIN:
+        return False
+    if len(kept) == KEPT:  # later ones are not known: it came back from as many before
+        return last.missed <= max((s.missed for s in case.ledger.silences.runs(servo)), default=0)
+    return ending >= last.missed - 1  # what became of the very last request is not told yet
 
 
 def _outages(case: Case, servo: int) -> list[Silence]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.events import Happenings
     from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.tracks import JointTrack
 
 FINDINGS: Final = (
     FindingCode(
@@ -33,6 +35,12 @@ FINDINGS: Final = (
         "device",
         "A servo's torque was on and is off, and nobody switched it off.",
         "The torque register is read as off (or the status as limp) after it was on; no write, no release and no restart between.",
+    ),
+    FindingCode(
+        "torque-never-on",
+        "device",
+        "Nobody switches the torque of a servo on that has it off after power-on, and its joint stands still.",
+        "Goals, none of which its joint follows, from the first look to the last; by the manual its torque is off after power-on, and no request here switches it on; no joint moves, or another one's torque was switched on here.",
     ),
     FindingCode(
         "goals-without-torque",
@@ -217,6 +225,42 @@ def _goals_without(case: Case, servo: int, offs: list[_Off]) -> Iterator[Finding
         return
 
 
+def never_on(case: Case) -> Iterator[Finding]:
+    """Find joints that stand still and whose torque nobody switches on, in a servo that has it off.
+
+    Where other joints move it tells only if theirs was switched on here: a capture may begin later.
+    """
+    torque = [i for i, r in enumerate(case.protocol.registers) if r.quantity == "torque_enable"]
+    w, tracks = case.writes, [t for t in map(functools.partial(track, case), case.servos) if t]
+    is_on = np.isin(w["register"], torque) & (w["high"] > 0)
+    others = any(_went(t) for t in tracks)
+    for one in tracks:
+        servo = one.servo_id
+        registers = case.registers_of(servo, "torque_enable")
+        if not registers or registers[0].default != 0 or any(r.on_with for r in registers):
+            continue
+        mine = is_on & np.isin(w["servo_id"], [servo, *case.protocol.everyone])
+        if _went(one) or not one.away or mine.any() or (others and not is_on.any()):
+            continue
+        first, last = one.away[0], one.away[-1]
+        yield Finding(
+            "torque-never-on",
+            servo,
+            first.first_ns,
+            last.last_ns,
+            len(one.away),
+            f"nobody switches the torque of servo {servo} on, which is off after power-on by its "
+            "manual, and its joint never moves",
+            (Place(int(one.position.at[first.first]), 1, first.first_ns, "it stands still"),),
+            brief=f"torque of servo {servo} never switched on",
+        )
+
+
+def _went(one: JointTrack) -> bool:
+    """Tell whether a joint ever moved by more than it gives."""
+    return float(one.position.high.max() - one.position.low.min()) > one.far / 2
+
+
 LASTING_NS: Final = NS // 2
 LASTING: Final = 6
 """So long, and so many times in a row, a joint says that it is limp before that is believed."""
@@ -258,5 +302,5 @@ def limp_status(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (defaults, torque, limp_status)
+RULES: Final[tuple[Rule, ...]] = (defaults, torque, never_on, limp_status)
 """The rules of this file."""

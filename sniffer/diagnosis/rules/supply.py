@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.passing import misread_senders
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -85,7 +86,9 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
     """Servos whose supply falls."""
     known = {s: case.series(s, "voltage") for s in case.measured_by("voltage")}
     usual = {s: float(np.quantile(v.mean, USUALLY)) for s, v in known.items() if v is not None}
-    peers = float(np.median([*usual.values()])) if usual else 0.0
+    misread = misread_senders(case)  # some of what they seem to measure they did not say
+    sound = [volts for servo, volts in usual.items() if servo not in misread]
+    peers = float(np.median(sound)) if sound else 0.0
     for servo, v in known.items():
         if v is None:
             continue

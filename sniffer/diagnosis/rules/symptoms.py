@@ -25,6 +25,8 @@ SILENT: Final = frozenset(
 )
 """Codes that tell nothing of a fault."""
 
+MISSING: Final = "no-response"
+
 SECOND: Final = "duplicate-response"
 """Where two servos share an id, and the second answers when the next servo was asked already, this is
 said of the next one's answer: the fault is not that one's."""
@@ -51,6 +53,8 @@ def symptoms(case: Case) -> Iterator[Finding]:
         if whose is not None:
             who, of = whose, f" in exchanges with servo {servo}"
         known = CATALOGUE[code]
+        # beside servos that answer, who was never heard is not there: nobody lost its answers
+        is_absent = code == MISSING and bool(case.answering) and not case.ledger.heard_from(servo)
         yield Finding(
             code,
             who,
@@ -61,4 +65,5 @@ def symptoms(case: Case) -> Iterator[Finding]:
             case.places(case.anomalies(code, servo_id=servo), f"{code}{of}: {known.means}", 2),
             strength=0.5 + 0.5 * min(count / PLENTY, 1.0),
             episodes=spans,
+            is_own=is_absent,
         )

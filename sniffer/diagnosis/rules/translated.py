@@ -93,7 +93,9 @@ def _without_eighth_bit(case: Case) -> Translated | None:
     """Tell whether this is a conversation in seven bits that no protocol knows."""
     head, total = case.ledger.head, case.ledger.bytes
     lost = int(case.line["gap_bytes"].sum())
-    if len(head) < PLENTY or max(head) >= READABLE or lost < (1 - CHANCE) * total:
+    if len(head) < PLENTY or max(head) >= READABLE:
+        return None
+    if total - lost > CHANCE * (total - case.held_bytes):
         return None
     again = repeated(head)
     if again < REPEATS and len(head) < WITHOUT_ANY:
