@@ -204,12 +204,12 @@ def switched_on(servos: tuple[int, ...], hanging: tuple[int, ...]) -> Diagnosis:
         for servo in servos if not cycle else ():
             talk.write(rs30x.write(servo, 0x24, b"\x01"))
 
-    return robot(
-        "rs30x",
-        8,
-        before=torque,
-        instead=lambda talk, cycle, servo: servo in hanging and (talk.read(servo, 0.2) or True),
-    ).diagnosed()
+    def still(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo in hanging:
+            talk.read(servo, 0.2)
+        return servo in hanging
+
+    return robot("rs30x", 8, before=torque, instead=still).diagnosed()
 
 
 def test_joints_that_nobody_switches_on_are_one_omission_whenever_they_are_to_move() -> None:
