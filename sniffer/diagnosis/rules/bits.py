@@ -213,9 +213,8 @@ def last_bits(case: Case) -> Iterator[Finding]:
         alone = alone and mine >= STOPS * case.total("damaged", servo)
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
-        whole = [
-            m.bit for m in read if m.bit >= 0
-        ]  # frames that one bit explains, of whatever byte
+        # frames that one bit explains, of whatever byte
+        whole = [m.bit for m in read if m.bit >= 0]
         ends_whole = sum(bit >= ENDING for bit in whole)
         if not bitwise and len(whole) >= SAME and ends_whole >= PURE * max(len(whole), of_frames):
             bitwise, late, chance = True, ends_whole, at_least(ends_whole, len(whole), 0.375)
