@@ -251,12 +251,14 @@ class PacketFamily:
 
     def _size_of(self, code: int, command: Command, *, back: bool = False) -> int:
         """Return how many bytes the parameters of a command, or of its answer, have."""
-        if back and command.answer > 0:
-            return command.answer
         grammar = (command.feedback or self.feedback) if back else command.params
         takes = [f for f in grammar.subcons if bare(f) is not c.Terminated]
+        counted = max(command.answer, 0) if back else 0
+        if counted:  # the data are as many as the command says, whatever stands beside them
+            takes = [f for f in takes if f.name != "data"]
         try:
-            return sum(f.sizeof() for f in takes)  # of a Check it is 0
+            beside: int = sum(f.sizeof() for f in takes)  # of a Check it is 0
+            return counted + beside
         except c.SizeofError:
             what = "its answer: say answer=, or a feedback" if back else "it: say parameters"
             raise DeclarationError(
