@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, RESPONSE
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, ON_ITS_OWN, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
 from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
@@ -57,7 +57,7 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
     """
     n = len(frames)
     partner = np.full(n, -1, np.int64)
-    answers = frames.kind == RESPONSE
+    answers = (frames.kind == RESPONSE) & (frames.token != ON_ITS_OWN)
     if claimed is not None:
         answers &= ~claimed
     rows = _Rows(frames, segment, reach)

@@ -160,8 +160,8 @@ class Frames(Columns):
     """Frames that hold, in wire order.
 
     ``token`` is what pairing compares: a request says which token its reply carries, a response
-    its own (-1: fits any). ``address`` and ``status`` are -1 where there is none, ``servo_id`` -1
-    where the frame names none.
+    its own (-1: fits any; ON_ITS_OWN: none). ``address`` and ``status`` are -1 where there is none,
+    ``servo_id`` -1 where the frame names none.
     """
 
     start: I64

@@ -62,7 +62,8 @@ class Command:
     register has, which the request does not say. ``repeats``, with ``echoes``: its answer is the
     same packet once more. ``together``: one packet answers for all targets, each with error, id,
     data and, but for the last, a checksum. ``feedback``, with ``answer_code``: the grammar of its
-    own answer behind the code.
+    own answer behind the code. ``later``: what a field of that says in a further answer, which the
+    servo sends of its own accord once it has done what was asked: {"status": (2, 3)}.
 
     Where packets name no address, ``at`` is that of the registers that its parameters are or, with
     ``answer``, its answer; of ``targets`` each servo's bytes are those. Where both are registers,
@@ -85,6 +86,7 @@ class Command:
     space: int = 0
     repeats: bool = False
     feedback: Any = None
+    later: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
 
 class Stuffing(Protocol):
