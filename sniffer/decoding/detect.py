@@ -24,9 +24,10 @@ from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.names import AND
 from sniffer.decoding.sums import wrong_sums
 from sniffer.decoding.translations import translated
+from sniffer.ground.chunks import ChunkColumns
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
-from sniffer.ground.timing import ChunkColumns, Stamps
+from sniffer.ground.timing import Stamps
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 

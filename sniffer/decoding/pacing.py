@@ -16,11 +16,12 @@ import numpy as np
 
 from sniffer.decoding.matching import outcomes
 from sniffer.decoding.pairing import Pairing
+from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import F64, I64, MS, Chunk, Clock, MarkKind
-from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
+from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
