@@ -163,6 +163,21 @@ class Pairing(Remembering):
         It takes over the request's op, and its address and servo id where it states none itself;
         but one that does not fit keeps the name it bears, and is read where that is enough.
 
+        For example, a question with its answer, one without, one whose answer is too short, and an
+        answer of servo 3, whom nobody asked::
+
+            row       0   1   2   3   4   5
+            partner   -1  0   -1  -1  -5  -1     -5: behind row 3, and does not fit (-2 - 3)
+            asked     0   3                      rows with an answer, and ...
+            answer    1   4                      ... where that stands
+            how       0   3                      OK, MISMATCHED
+            request   0   -1  2   3   -1  -1     a transaction as each row would tell it
+            response  1   1   -1  4   4   5
+            keep      1   0   1   1   0   1      an answer with a request is told by that
+
+        Invariant: every request and every answer stands in exactly one row that is kept. Rows are
+        not put together from pairs and leftovers: they would have to be sorted, and are in order.
+
         Args:
             frames: rows before the cut, with times.
             whole: the same rows and those behind the cut.

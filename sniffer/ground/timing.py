@@ -200,7 +200,18 @@ class Stamps(Remembering):
         return slack, beside & told & (pause > self._tail_ns)
 
     def _reckoned(self, lull: I64, latency: I64) -> I64:
-        """Return the slacks: each is the lull and the slack before it, from none to the latency."""
+        """Return the slacks: each is the lull and the slack before it, from none to the latency.
+
+        For example five chunks, each held for 16 at most::
+
+            lull   0    5    -3   20   2       time to spare since the chunk before
+            spare  0    5    2    18   20      summed up, of row 3 no more than 16
+            floor  0    -16  -11  -14  2    4  the sum at which a chunk was held for 16
+            slack  0    5    2    16   16      above the highest floor so far
+
+        Row by row it is min(max(lull + the one before, 0), 16); the loop below says that. The sum
+        above its highest floor is the same without a loop, as long as it never falls below none.
+        """
         if not latency.any():
             return np.zeros(len(lull), np.int64)
         # A lull beyond the latency says no more than one of just that, whatever the clock did.
@@ -248,6 +259,19 @@ class Stamps(Remembering):
 
         The uncertainty covers both times: the end's slack, the start's (in an earlier read it may
         be greater), and what the rate's tolerance adds to bytes that are laid out by it.
+
+        For example two frames of 9 bytes, a byte taking 100: 4 bytes of the first were read at
+        1000, all others at 5000::
+
+            end      9     18
+            behind   9     0         bytes of its last read that stand behind each frame
+            t_end    4100  5000
+            laid     4     9         bytes from its begin to the end of its first read
+            t_first  600   4100      that read's stamp, less these
+            whole    3200  4100      its end, less its own bytes
+            t_start  600   4100      the earlier: no frame takes less than its bytes do
+
+        Nothing is averaged over reads: what later ones say must not move what was told.
         """
         if not len(frames):
             return frames
