@@ -37,8 +37,8 @@ _MIX: Final = np.uint64(0x9E3779B97F4A7C15)
 """Odd, and its bits are as good as random: 2 ** 64 / golden ratio."""
 
 BEFORE, BEHIND = 3, 2
-"""How many reaches around an answer left over are looked at: a run that it is in lies within two
-before it and one behind, the first answer to a request of those one more before."""
+"""How many reaches around an answer left over are looked at. A run that it is in lies within two
+before it and one behind; the first answer to a request of that run, one more before."""
 
 SPARSE: Final = 8
 """Where more than one row in so many is an answer left over, looking at each does not pay."""

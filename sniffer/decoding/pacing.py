@@ -1,10 +1,11 @@
 """What the stamps of a log tell about who made it: the line's rate, and how long bytes were held.
 
 Nobody states either with a text log. A rate that was not stated is estimated where stamps inside
-one frame, or of answers of several lengths, allow it, and else assumed; the slowest one that the
-stamps do not contradict bounds what is doubtful about it. A host that hands bytes on by a timer
-(FTDI's is 16 ms as delivered) shows as answers that come with their question, in deliveries that
-are never closer than the timer.
+one frame, or of answers of several lengths, allow it; else it is assumed. The slowest one that the
+stamps do not contradict bounds what is doubtful about it.
+
+A host may hand bytes on by a timer (FTDI's is 16 ms as delivered). It shows: answers come together
+with their question, in deliveries that are never closer than the timer.
 """
 
 from __future__ import annotations

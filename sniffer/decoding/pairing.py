@@ -1,10 +1,11 @@
 """Requests and their responses, in columns; no protocol is named here.
 
-Which request an answer belongs to, ``matching`` finds; several may be open at once. The decoder
-cuts its blocks in front of the first request that bytes to come may still answer. If an exchange
-leads across that place, the block is cut before it; where one exchange leads into the next without
-end, answers stand behind the cut, and the requests they belong to are carried along (``Pairing``).
-What a request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+Which request an answer belongs to, ``matching`` finds; several may be open at once. What a request
+expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+
+The decoder cuts its blocks in front of the first request that bytes to come may still answer. If an
+exchange leads across that place, the block is cut before that exchange. One may lead into the next
+without end; then the cut stays, and requests whose answers stand behind it are carried along.
 """
 
 from __future__ import annotations

@@ -132,8 +132,8 @@ NO_ALT: Final = -1
 ANY_ID: Final = -2
 
 DEPTH: Final = 16
-"""A request is closed once as many others have asked after it: more servos than one controller
-asks in one go, and few enough that a request nobody answered does not stay open among them."""
+"""A request is closed once as many others have asked after it. No controller asks so many servos in
+one go; and they are few enough to close a request that nobody answered."""
 
 # Frames.flags
 MALFORMED: Final = 1  # checksum good, body not as the command's grammar has it

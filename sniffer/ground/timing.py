@@ -1,9 +1,9 @@
 """Arrival stamps -> time on the wire, with an uncertainty.
 
 A stamp is the latest moment its chunk's last byte can have come. Bytes are laid back to back from
-there; they can have come earlier by the *slack*: the time the line had to spare since the chunk
-before, counted from when that can have come at the earliest, but never more than the adapter can
-hold bytes back (its latency).
+there. They can have come earlier, by the *slack*: the time the line had to spare since the chunk
+before, counted from when that can have come at the earliest. An adapter holds bytes back for so
+long at most (its latency), and the slack is never more than that.
 """
 
 from __future__ import annotations
