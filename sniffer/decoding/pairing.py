@@ -88,7 +88,12 @@ class Pairing(Remembering):
     ) -> tuple[Frames, I64]:
         """Mark echoes and new ids; return the frames, and the partner of each as ``match`` does.
 
-        ``silent``: a silence stands before the block.
+        Args:
+            frames: all rows of the block.
+            block: for its bytes and its barriers, which no pair crosses.
+            decided: how far every byte of the block has its fate.
+            base: offset in the stream of the block's first byte.
+            silent: a silence stands before the block.
         """
         frames = self._staged_ids.mark(frames)
         echo, self._held = self._echoes.find(frames, block, decided, silent=silent)

@@ -151,7 +151,25 @@ class ToldAnswers:
         self, body: Bytes, code: U8, request: Mask, *, held: I64, length: I64, status: I16,
         address: I64, token: I64, flags: U8,
     ) -> None:  # fmt: skip
-        """Fill in what the answers say; ``held`` is how many bytes stand before the data."""
+        """Fill in what the answers say, in the rows that are none of ``request``.
+
+        For example HerkuleX, what stands behind the code of two answers: two bytes at 3A are read,
+        and a write is not done (error 2)::
+
+            44 | 3A 02 | 7F 03 | 00 40     held 2, length 2, status 0, address 3A
+            43 | 02 00 |                   held 2, length 0, status 2, address -1
+
+        Args:
+            body: the parameters of all rows, as they were meant.
+            code: of all rows.
+            request: the rows that are requests, which stay as they are.
+            held: filled in, like all that follow: bytes before the data.
+            length: data bytes.
+            status: the error, -1 where there is none.
+            address: where the data stand in the table, -1 where nothing says it.
+            token: what the answer has in common with its request.
+            flags: MALFORMED where it is not as its grammar has it.
+        """
         answers = np.flatnonzero(~request)
         flags[answers[~self._known[code[answers]]]] = MALFORMED
         for k, shape in self.shapes.items():
