@@ -200,6 +200,17 @@ ONLY: Final = Struct("data" / GreedyBytes)
             "command off: repeats says .* the same packet once more: that wants echoes=True",
         ),
         (
+            {"commands": {1: Command("move", PUT, MUST, later={"error": (2,)})}},
+            "command move: later wants answer_code or answer_header",
+        ),
+        (
+            {
+                "answer_code": lambda code: code + 0x40,
+                "commands": {1: Command("move", PUT, MUST, later={"done": (2,)})},
+            },
+            "command move: later names done, which is no number in its feedback",
+        ),
+        (
             {
                 "packet": Packet(
                     HEADER,

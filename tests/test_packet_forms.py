@@ -66,6 +66,11 @@ def told(name: str, data: bytes) -> tuple[list[str], list[tuple[int, str, int]]]
     return out, values
 
 
+def wrong(name: str, data: bytes) -> list[str]:
+    """Return the codes of what is told to be wrong with talk."""
+    return [a.code for b in heard(name, data) for a in b.anomalies]
+
+
 def test_a_packet_without_a_length_is_as_long_as_all_others() -> None:
     # move 5 to 120 degrees in 2 s, then read 3: users' notes of the serial protocol
     move, ask = bytes.fromhex("FAAF0501786400 00E2ED"), bytes.fromhex("FAAF03020000000005ED")
@@ -158,6 +163,36 @@ def test_where_only_the_code_tells_the_length_requests_and_answers_have_their_ow
     assert (gap.reason, gap.detail["need"]) == ("truncated", 8)
     unknown, rest = explain(b"\xfa\x01\x77\x00\x72", 0)
     assert (unknown.length, unknown.detail, rest.reason) == (3, {"code": 0x77}, "noise")
+
+
+def test_an_answer_that_comes_once_the_move_is_done_is_no_fault_and_answers_nobody() -> None:
+    move, starts = said("sized", 0xFD, b"\x05"), said("sized", 0xFD, b"\x01", back=True)
+    done = said("sized", 0xFD, b"\x02", back=True)
+    read, angle = said("sized", 0x30), said("sized", 0x30, b"\x00\x5a\x00\x5b", back=True)
+    # behind its own first answer, between others' question and answer, and before that of the next
+    for talk, outcomes in (
+        (move + starts + done, ["ok", "unsolicited"]),
+        (move + starts + read + done + angle, ["ok", "ok", "unsolicited"]),
+        (move + starts + move + done + starts, ["ok", "ok", "unsolicited"]),
+        (done + read + angle, ["unsolicited", "ok"]),
+    ):
+        assert sorted(told("sized", talk)[0]) == sorted(outcomes)
+        assert wrong("sized", talk) == []
+    assert wrong("sized", move + done + (read + angle) * 40) == ["no-response"]
+    assert wrong("sized", move + starts + starts) == ["duplicate-response"]
+    other = said("sized", 0x30, who=2) + said("sized", 0x30, b"\x00\x5a\x00\x5b", 2, back=True)
+    assert wrong("sized", other + starts) == ["unsolicited-response"]
+
+
+def test_what_was_measured_when_the_move_was_done_is_read() -> None:
+    done = said("sized", 0xFE, b"\x02\x00\x5a\x00\x5b", back=True)
+    assert told("sized", done) == (
+        ["unsolicited"],
+        [(1, "target_angle", 90), (1, "actual_angle", 91)],
+    )
+    # an error and four bytes of data: as many as answer= says, and the error beside them
+    starts = said("sized", 0xFE, b"\x00\x00\x5a\x00\x5b", back=True)
+    assert told("sized", starts) == (["unsolicited"], [])
 
 
 @pytest.mark.parametrize("name", FORMS)

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pytest
 
 import sniffer
 from sniffer.decoding.options import AUTO, Options
+from sniffer.ground.registers import TYPES
 from sniffer.protocols.wck.grammar import build
 from sniffer.wireshark.lua import lua
 from tests.sharks import join, summed_up, tshark
@@ -291,6 +293,35 @@ def test_the_engine_has_no_operators_that_old_lua_lacks() -> None:
     for path in Path("sniffer/wireshark/engine").glob("*.lua"):
         code = re.sub(r'"(\\.|[^"\\])*"|--[^\n]*', "", path.read_text("utf-8"))
         assert not re.search(r"//|<<|>>|[&|]|(?<!~)~(?!=)|\bgoto\b", code), path.name
+
+
+def test_numbers_of_every_type_that_tables_have_are_read_as_the_decoder_reads_them(
+    good: Path, tmp_path: Path
+) -> None:
+    edges = [bytes(8), b"\xff" * 8, b"\x80" + bytes(7), bytes(7) + b"\x80", bytes(range(1, 9))]
+    edges += [
+        b"\x7f" + b"\xff" * 7,
+        bytes.fromhex("FEFFFFFFFFFFFFFF"),
+        bytes.fromhex("0102030405060000"),
+    ]
+    cases = [
+        (name, raw[: kind.itemsize], int(np.frombuffer(raw[: kind.itemsize], kind)[0]))
+        for name, kind in TYPES.items()
+        for raw in edges
+        if kind.itemsize and name != "decimal"
+    ]
+    cases = [case for case in cases if abs(case[2]) < 2**53]  # old Lua has no more digits
+    assert {name for name, _, _ in cases} >= {"u32be", "i32be", "i64"}
+    values = Path("sniffer/wireshark/engine/1_values.lua").read_text("utf-8")
+    numbers = re.split(r"^-{20,}.*$", values, flags=re.M)[1]
+    prints = [f"print('read', digits(READS.{n}({lua(b'?' + raw)}, 2)))" for n, raw, _ in cases]
+    script, capture = tmp_path / "numbers.lua", tmp_path / "any.pcapng"
+    script.write_text("\n".join([numbers, *prints]), encoding="utf-8")
+    sniffer.convert(good, [capture], Options("mightyzap"))
+    said = summed_up(script, capture)
+    assert [int(n) for n in re.findall(r"^read\t(\S+)$", said, re.M)] == [
+        want for *_, want in cases
+    ]
 
 
 @pytest.mark.skipif(shutil.which("luac5.1") is None, reason="needs luac5.1")

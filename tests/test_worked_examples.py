@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -10,18 +11,26 @@ import pytest
 
 from sniffer import Chunk, Decoder
 from sniffer.decoding import echo, torn
-from sniffer.ground.framing import greedy, in_order, settle
+from sniffer.decoding.pairing import Pairing
+from sniffer.ground.framing import Block, greedy, in_order, settle
+from sniffer.ground.model import Clock
+from sniffer.ground.timing import Stamps
 from sniffer.protocols.lss import block as lss
 from sniffer.protocols.lss import parsing
+from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
+from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.direction import in_turn
+from sniffer.protocols.rs30x import block as rs30x_block
 from sniffer.protocols.wck import block as wck
 from sniffer.protocols.wck import controller
 from tests.examples import agree, check, held, shown, tables
-from tests.streams import mightyzap
+from tests.streams import mightyzap, rs30x
 from tests.streams.wck import command, rbc
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from sniffer.ground.model import Frames
 
 READ: Final = command(0xA0, 0)
 SERVO_READS: Final = [mightyzap.packet(i, 0xF2, bytes([0x8C, 2])) for i in (1, 2, 3)]
@@ -38,6 +47,12 @@ def number_row(function: Callable[..., Any], label: str, nth: int = 0) -> Any:
 def decoded(protocol: str, data: bytes) -> Callable[[], object]:
     """Return what decodes bytes, the stream being still open behind them."""
     return lambda: Decoder(protocol).feed(Chunk(data))
+
+
+def described(data: bytes) -> tuple[Block, Frames]:
+    """Return bytes of mightyZAP that are all there is, and their frames."""
+    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), final=True)
+    return block, MIGHTYZAP.describe(block, MIGHTYZAP.frame(block)[0])
 
 
 def lines(text: str) -> Callable[[], object]:
@@ -95,6 +110,45 @@ def test_answers_in_a_row_are_of_the_last_requests_before_them() -> None:
 def test_rows_that_are_in_turn_a_request_and_its_answer() -> None:
     base, flips = (number_row(in_turn, label).astype(bool) for label in ("base", "flips"))
     check(in_turn, lambda: in_turn(base, flips), "last", "out")
+
+
+def test_a_packet_is_looked_up_by_its_code_and_its_count() -> None:
+    load, store = mightyzap.packet(1, 0xF2, b"\x8c\x02"), mightyzap.packet(2, 0xF3, b"\x86\xff\x0f")
+    feedback, error = mightyzap.packet(1, 0, b"\xff\x07"), mightyzap.packet(2, 0x20)
+    data = load + feedback + store + error + mightyzap.packet(1, 0xF2, b"\x8c\x02\x03")
+    names = ("code", "count", "what", "request", "address", "data_length", "token")
+    check(FamilyColumns.describe, decoded("mightyzap", data), *names)
+
+
+def test_each_request_and_each_answer_is_told_in_one_row() -> None:
+    short, other = mightyzap.packet(2, 0, b"\xff"), mightyzap.packet(3, 0, b"\xff\x07")
+    data = SERVO_READS[0] + ANSWERS[0] + SERVO_READS[0] + SERVO_READS[1] + short + other
+    block, frames, pairing = *described(data), Pairing(MIGHTYZAP)
+    partner = pairing.match(frames, block, len(data), 0)[1]
+    run = partial(pairing.pair, frames, frames, partner, block, len(data), 0)
+    names = ("partner", "asked", "answer", "how", "request", "response", "keep")
+    check(Pairing.pair, run, *names)
+
+
+def test_an_acknowledgement_has_the_fields_of_its_request() -> None:
+    acknowledged = rs30x.write(1, 0x24, b"\x01", flags=1) + b"\x07"
+    read = rs30x.packet(1, 15, 0x2A, 2) + rs30x.returned(1, 0x2A, b"\x10\x01")
+    data = acknowledged + read + rs30x.write(2, 0x1E, b"\x2c\x01")
+    names = ("ack", "head", "op", "address", "token", "reply")
+    check(rs30x_block.describe, decoded("rs30x", data), *names)
+
+
+def test_slack_is_what_is_spared_above_the_highest_floor() -> None:
+    stamps, lull = Stamps(10**8, 10**6), number_row(Stamps._reckoned, "lull")
+    run = partial(stamps._reckoned, lull, np.full(5, 16))
+    check(Stamps._reckoned, run, "lull", "spare", "floor", "slack")
+
+
+def test_frames_are_laid_out_from_the_stamps_of_their_reads() -> None:
+    stamps, data = Stamps(10**8, 10**6), SERVO_READS[0] + ANSWERS[0]
+    stamps.add([Chunk(data[:4], 1000, Clock.READ), Chunk(data[4:], 5000, Clock.READ)])
+    names = ("end", "behind", "t_end", "laid", "t_first", "whole", "t_start")
+    check(Stamps.time, partial(stamps.time, described(data)[1], 0), *names)
 
 
 def test_marks_and_carriage_returns_tell_all_lines() -> None:

@@ -1,9 +1,9 @@
 """The whole core behind three calls: ``feed(*chunks)``, ``idle(now_ns)``, ``close()``.
 
-Bytes and times in, records out; no port, file, clock, thread or log in here. The only carry-over is
-bytes: a block is cut where nothing is open (at the start of the last request that may still be
-answered, or of the last undecided bytes) and the rest is framed again next time. Beside that live
-the arrival stamps, the mode registers, and what diagnostics remembers about each servo.
+Bytes and times in, records out; no port, file, clock, thread or log in here. A block is cut where
+nothing is open: before the last request that may still be answered, or the last undecided bytes.
+The rest is framed again next time. Beside these bytes only the arrival stamps, the mode registers
+and what diagnostics remembers about each servo are carried over.
 """
 
 from __future__ import annotations

@@ -6,11 +6,12 @@ Every candidate frames the same bytes, and each of its frames is held against th
     mightyzap     [0 ................. 7)  the container: counts
     dynamixel1       [1 .............. 7)  the same bytes less one FF: does not count
 
-A frame inside a longer one of another protocol does not count, nor does one that its own protocol
-takes for unknown or malformed where another one reads the very same bytes as it should. It is not
-enough to compare how much each explains in all: of a damaged mightyZAP stream Dynamixel 1 explains
-more, for its frames are shorter, so more of them stay whole. What holds for both counts for both: a
-tie stays one, and is told.
+A frame inside a longer one of another protocol does not count. Nor does one that its own protocol
+takes for unknown or malformed, if another one reads the very same bytes as it should. What holds
+for both counts for both: a tie stays one, and is told.
+
+To compare how much each explains in all is not enough. Of a damaged mightyZAP stream Dynamixel 1
+explains more: its frames are shorter, so more of them stay whole.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.names import AND
 from sniffer.decoding.sums import wrong_sums
 from sniffer.decoding.translations import translated
+from sniffer.ground.chunks import ChunkColumns
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
-from sniffer.ground.timing import ChunkColumns, Stamps
+from sniffer.ground.timing import Stamps
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 

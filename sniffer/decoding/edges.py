@@ -29,9 +29,9 @@ class LeftOpen(NamedTuple):
     def cut(self, transactions: Transactions, base: int, size: int) -> Cut:
         """Return what more bytes could still have changed, where the capture ends with a block.
 
-        A request whose time for an answer was over is not among it: by the clock; without one,
-        where the controller asked again after an answer, unless all answers behind that request
-        are to earlier ones: with several in flight those come first.
+        A request whose time for an answer was over is not among it. The clock tells that. Without
+        one it was over where the controller asked again after an answer; not so if all answers
+        behind the request are to earlier ones, for with several in flight those come first.
 
         Args:
             transactions: of the frames.

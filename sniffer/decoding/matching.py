@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, RESPONSE
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, ON_ITS_OWN, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
 from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
@@ -37,8 +37,8 @@ _MIX: Final = np.uint64(0x9E3779B97F4A7C15)
 """Odd, and its bits are as good as random: 2 ** 64 / golden ratio."""
 
 BEFORE, BEHIND = 3, 2
-"""How many reaches around an answer left over are looked at: a run that it is in lies within two
-before it and one behind, the first answer to a request of those one more before."""
+"""How many reaches around an answer left over are looked at. A run that it is in lies within two
+before it and one behind; the first answer to a request of that run, one more before."""
 
 SPARSE: Final = 8
 """Where more than one row in so many is an answer left over, looking at each does not pay."""
@@ -57,7 +57,7 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
     """
     n = len(frames)
     partner = np.full(n, -1, np.int64)
-    answers = frames.kind == RESPONSE
+    answers = (frames.kind == RESPONSE) & (frames.token != ON_ITS_OWN)
     if claimed is not None:
         answers &= ~claimed
     rows = _Rows(frames, segment, reach)

@@ -1,10 +1,11 @@
 """What the stamps of a log tell about who made it: the line's rate, and how long bytes were held.
 
 Nobody states either with a text log. A rate that was not stated is estimated where stamps inside
-one frame, or of answers of several lengths, allow it, and else assumed; the slowest one that the
-stamps do not contradict bounds what is doubtful about it. A host that hands bytes on by a timer
-(FTDI's is 16 ms as delivered) shows as answers that come with their question, in deliveries that
-are never closer than the timer.
+one frame, or of answers of several lengths, allow it; else it is assumed. The slowest one that the
+stamps do not contradict bounds what is doubtful about it.
+
+A host may hand bytes on by a timer (FTDI's is 16 ms as delivered). It shows: answers come together
+with their question, in deliveries that are never closer than the timer.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ import numpy as np
 
 from sniffer.decoding.matching import outcomes
 from sniffer.decoding.pairing import Pairing
+from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import F64, I64, MS, Chunk, Clock, MarkKind
-from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
+from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

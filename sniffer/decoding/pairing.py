@@ -1,10 +1,11 @@
 """Requests and their responses, in columns; no protocol is named here.
 
-Which request an answer belongs to, ``matching`` finds; several may be open at once. The decoder
-cuts its blocks in front of the first request that bytes to come may still answer. If an exchange
-leads across that place, the block is cut before it; where one exchange leads into the next without
-end, answers stand behind the cut, and the requests they belong to are carried along (``Pairing``).
-What a request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+Which request an answer belongs to, ``matching`` finds; several may be open at once. What a request
+expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+
+The decoder cuts its blocks in front of the first request that bytes to come may still answer. If an
+exchange leads across that place, the block is cut before that exchange. One may lead into the next
+without end; then the cut stays, and requests whose answers stand behind it are carried along.
 """
 
 from __future__ import annotations
@@ -87,7 +88,12 @@ class Pairing(Remembering):
     ) -> tuple[Frames, I64]:
         """Mark echoes and new ids; return the frames, and the partner of each as ``match`` does.
 
-        ``silent``: a silence stands before the block.
+        Args:
+            frames: all rows of the block.
+            block: for its bytes and its barriers, which no pair crosses.
+            decided: how far every byte of the block has its fate.
+            base: offset in the stream of the block's first byte.
+            silent: a silence stands before the block.
         """
         frames = self._staged_ids.mark(frames)
         echo, self._held = self._echoes.find(frames, block, decided, silent=silent)
@@ -162,6 +168,21 @@ class Pairing(Remembering):
 
         It takes over the request's op, and its address and servo id where it states none itself;
         but one that does not fit keeps the name it bears, and is read where that is enough.
+
+        For example, a question with its answer, one without, one whose answer is too short, and an
+        answer of servo 3, whom nobody asked::
+
+            row       0   1   2   3   4   5
+            partner   -1  0   -1  -1  -5  -1     -5: behind row 3, and does not fit (-2 - 3)
+            asked     0   3                      rows with an answer, and ...
+            answer    1   4                      ... where that stands
+            how       0   3                      OK, MISMATCHED
+            request   0   -1  2   3   -1  -1     a transaction as each row would tell it
+            response  1   1   -1  4   4   5
+            keep      1   0   1   1   0   1      an answer with a request is told by that
+
+        Invariant: every request and every answer stands in exactly one row that is kept. Rows are
+        not put together from pairs and leftovers: they would have to be sorted, and are in order.
 
         Args:
             frames: rows before the cut, with times.

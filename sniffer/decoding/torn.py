@@ -1,8 +1,8 @@
 """Bytes that no frame claims where the answer to a request should stand: it came, but torn.
 
-Right behind a request there is nothing to find out. Where several were asked in a row, in one
-*turn*, the answer that is missing stands behind that to the request before it, or, if none before
-it was answered, behind the last request of the turn.
+Right behind a request there is nothing to find out. Several may be asked in a row, in one *turn*.
+Then the answer that is missing stands behind that to the request before it. If none before it was
+answered, it stands behind the last request of the turn.
 """
 
 from __future__ import annotations

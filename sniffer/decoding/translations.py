@@ -1,9 +1,10 @@
 """What programs between the wire and a capture make of bytes: terminals, telnet, text files.
 
-A terminal that is not raw turns one control character into another or swallows it, telnet doubles
-FF, a program that takes bytes for text writes two for one or a mark for what it cannot read. The
-frames tell which it was: what can be undone is undone, and holds; where bytes are gone, torn frames
-hold, one by one, as soon as the byte that is never seen is put back.
+A terminal that is not raw turns one control character into another, or swallows it. Telnet doubles
+FF. A program that takes bytes for text writes two for one, or a mark for what it cannot read.
+
+The frames tell which it was. What can be undone is undone, and frames hold. Where bytes are gone,
+torn frames hold one by one as soon as the byte that is never seen is put back.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ six does by chance: a sum of eight bits, fifteen values, up to three of one."""
 LEAST_MENDED: Final = 5
 
 MOST_MISSING: Final = 3
-"""Bytes of one value that are put back into one frame at most; one fewer where the frame is long,
-and where several values may be meant: tries would be too many, and hold by chance."""
+"""Bytes of one value that are put back into one frame at most. It is one fewer where the frame is
+long, or several values may be meant: so many tries would hold by chance."""
 
 HEADER: Final = 2
 """Bytes that frames begin with, of one protocol always the same ones."""

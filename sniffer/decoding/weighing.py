@@ -55,7 +55,16 @@ class Weighing(Remembering):
         changes: Sequence[Change],
         base: int,
     ) -> Verdicts:
-        """Count clues and move what is known of servos; the state ends as the pass ends."""
+        """Count clues and move what is known of servos; the state ends as the pass ends.
+
+        Args:
+            block: the bytes that the clues stand in, to be shown.
+            frames: all rows of the pass.
+            sightings: the clues, by row; None: there are none.
+            accepted: for each frame whether what it says became true.
+            changes: what the pass changes about servos; only new ids count here.
+            base: offset in the stream of the block's first byte.
+        """
         moves = [c for c in changes if new_id(c) >= 0]
         out = Verdicts()
         if sightings is None and not moves:

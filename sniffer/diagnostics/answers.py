@@ -15,6 +15,7 @@ from sniffer.ground.codes import (
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
+    ON_ITS_OWN,
     OUTCOMES,
     UNSOLICITED,
 )
@@ -108,6 +109,9 @@ class PairingRules(Remembering):
             wrong[late] = True
         answered = t.response[t.outcome == OK]
         wrong_rows = np.flatnonzero(wrong)
+        unasked = t.outcome[wrong_rows] == UNSOLICITED
+        own = batch.frames.token[t.response[wrong_rows]] == ON_ITS_OWN
+        wrong_rows = wrong_rows[~(unasked & own)]
         out = []
         # Before the batch's own: telling these may put some of those out.
         before = [o for o in self._open if self._may_be_open(o, batch.base)]

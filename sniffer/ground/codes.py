@@ -87,6 +87,10 @@ ASSUMED: Final = Provenance.ASSUMED.value
 PROFILE: Final = Provenance.PROFILE.value
 OBSERVED: Final = Provenance.OBSERVED.value
 
+ON_ITS_OWN: Final = -2
+"""``Frames.token`` of an answer that a servo sends of its own accord, once what it was asked for is
+done: it answers no request that is open, and is no second answer either."""
+
 # Samples.part: how much of the register the packet carried
 WHOLE: Final = 0
 PARTS: Final = ("", "low byte", "high byte", "part")

@@ -1,11 +1,13 @@
 """CRC-16 of frames of any length, for one frame and for all frames of a block at once.
 
-Two ways in columns, with the same result. *By steps*: the n-th byte of all frames at once, so as
-many steps as the longest frame has bytes; each byte of each frame is looked at. Frames that hold do
-not overlap, but candidates may: in a block of nothing but headers the sum of their lengths grows
-with the square of the block. *By prefixes*: the CRC of the block up to each byte, a table look-up a
-byte however candidates overlap. A CRC with seed 0 is linear, so that of ``a..b`` is prefix(b) XOR
-prefix(a) with b - a zero bytes appended.
+Two ways in columns, with the same result:
+
+- *By steps*: the n-th byte of all frames at once, so as many steps as the longest frame has bytes.
+  Each byte of each frame is looked at. Frames that hold do not overlap, but candidates may: in a
+  block of nothing but headers the sum of their lengths grows with the square of the block.
+- *By prefixes*: the CRC of the block up to each byte, a table look-up a byte however candidates
+  overlap. A CRC with seed 0 is linear, so that of ``a..b`` is prefix(b) XOR prefix(a) with b - a
+  zero bytes appended.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
 """What is remembered from pass to pass: stated, taken up elsewhere, and compared.
 
-Whatever remembers something beside its arguments names it in its own file: what is true wherever
-the stream goes on (of a servo, of the wire) is ``LASTING``, what is true at one place only is
-``PASSING``, and ``PARTS`` are attributes that remember something themselves. Two of a kind with
-equal ``observable`` at one place say the same of all bytes that follow it.
+Whatever remembers something beside its arguments names it in its own file:
+
+- ``LASTING`` is what is true wherever the stream goes on (of a servo, of the wire),
+- ``PASSING`` what is true at one place only,
+- ``PARTS`` are attributes that remember something themselves.
+
+Two of a kind with equal ``observable`` at one place say the same of all bytes that follow it.
 """
 
 from __future__ import annotations

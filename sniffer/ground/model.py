@@ -132,8 +132,8 @@ NO_ALT: Final = -1
 ANY_ID: Final = -2
 
 DEPTH: Final = 16
-"""A request is closed once as many others have asked after it: more servos than one controller
-asks in one go, and few enough that a request nobody answered does not stay open among them."""
+"""A request is closed once as many others have asked after it. No controller asks so many servos in
+one go; and they are few enough to close a request that nobody answered."""
 
 # Frames.flags
 MALFORMED: Final = 1  # checksum good, body not as the command's grammar has it
@@ -160,8 +160,8 @@ class Frames(Columns):
     """Frames that hold, in wire order.
 
     ``token`` is what pairing compares: a request says which token its reply carries, a response
-    its own (-1: fits any). ``address`` and ``status`` are -1 where there is none, ``servo_id`` -1
-    where the frame names none.
+    its own (-1: fits any; ON_ITS_OWN: none). ``address`` and ``status`` are -1 where there is none,
+    ``servo_id`` -1 where the frame names none.
     """
 
     start: I64

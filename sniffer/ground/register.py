@@ -46,10 +46,13 @@ class Register:
     ``effect`` is what a write changes about the bus: servo_id, baud or feedback. ``on_with`` names
     the register whose write brings this one to 1 by itself.
 
-    Registers that go by a word (LSS) have a ``kind`` (action, query, configuration, modifier or
-    unclear). ``queries`` are the queries, with selector, whose replies state the register,
-    ``modifies`` the actions a modifier belongs to, ``texts`` what may stand in place of a number,
-    ``label`` the name of the value, with its unit, among a frame's fields.
+    Registers that go by a word (LSS) have more:
+
+    - ``kind``: action, query, configuration, modifier or unclear,
+    - ``queries``: the queries, with selector, whose replies state the register,
+    - ``modifies``: the actions that a modifier belongs to,
+    - ``texts``: what may stand in place of a number,
+    - ``label``: the name of the value, with its unit, among a frame's fields.
     """
 
     name: str
@@ -99,8 +102,8 @@ class Register:
 
 
 BEYOND: Final = 1.1
-"""A position this much beyond the whole stroke contradicts its scale: a rod that stands at its end
-is measured a little outside, never by a tenth, and the next finer resolution is a factor of two."""
+"""A position this much beyond the whole stroke contradicts its scale. A rod that stands at its end
+is measured a little outside, never by a tenth; the next finer resolution is a factor of two."""
 
 
 def scale_limit(register: Register, mode: int) -> float:

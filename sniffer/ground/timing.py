@@ -1,9 +1,9 @@
 """Arrival stamps -> time on the wire, with an uncertainty.
 
 A stamp is the latest moment its chunk's last byte can have come. Bytes are laid back to back from
-there; they can have come earlier by the *slack*: the time the line had to spare since the chunk
-before, counted from when that can have come at the earliest, but never more than the adapter can
-hold bytes back (its latency).
+there. They can have come earlier, by the *slack*: the time the line had to spare since the chunk
+before, counted from when that can have come at the earliest. An adapter holds bytes back for so
+long at most (its latency), and the slack is never more than that.
 """
 
 from __future__ import annotations
@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.ground.chunks import ChunkColumns
 from sniffer.ground.memory import Remembering
-from sniffer.ground.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind, Mask
-from sniffer.ground.runs import ChunkRun
+from sniffer.ground.model import I64, NS, U8, Chunk, Clock, Frames, MarkKind, Mask
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from sniffer.ground.model import Mark
+    from collections.abc import Mapping, Sequence
 
 LATENCY_NS: Final[Mapping[Clock, int]] = MappingProxyType(
     {
@@ -45,81 +43,7 @@ def byte_time_ns(baud: int) -> int:
     return 10 * NS // baud
 
 
-_NONE, _FILE, _READ, _SAMPLE = (np.uint8(c) for c in Clock)
-_UNKNOWN: Final = np.uint8(Direction.UNKNOWN)
-
-
-class ChunkColumns:
-    """What chunks say beside their bytes, in columns: chunks are many, and objects."""
-
-    sizes: I64
-    clocks: U8
-    directions: U8
-    times: Sequence[int | None] | I64
-    """As ``clocks``, of each chunk: those of runs are an array."""
-
-    def __init__(self, chunks: Sequence[Chunk]) -> None:
-        if isinstance(chunks, ChunkRun):
-            self._take(chunks)
-            return
-        self._counts = _counted((i, k.marks) for i, k in enumerate(chunks) if k.marks)
-        times = [k.t_ns for k in chunks]
-        self.sizes = np.array([len(k.data) for k in chunks], np.int64)
-        # enumerations are slow to put into an array; bytes take them as they are
-        clocks = np.frombuffer(bytes([k.clock for k in chunks]), np.uint8)
-        self.directions = np.frombuffer(bytes([k.direction for k in chunks]), np.uint8)
-        untold = np.array([t is None for t in times]) if None in times else np.False_
-        # a time that nobody vouches for is a time stamp like any other
-        self.clocks = np.where(untold, _NONE, np.where(clocks == _NONE, _FILE, clocks))
-        self.times = times
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    def counts(self, kind: MarkKind, default: int = 0) -> I64:
-        """Return the greatest count of each chunk's marks of a kind; ``default``: it has none."""
-        out = np.full(len(self), default, np.int64)
-        if kind in self._counts:
-            rows, counts = self._counts[kind]
-            np.maximum.at(out, rows, counts)
-        return out
-
-    def _take(self, run: ChunkRun) -> None:
-        self._counts = _counted(run.marks.items())
-        self.sizes, self.directions, self.times = run.sizes, run.directions, run.t_ns
-        self.clocks = np.full(len(run), run.clock or _FILE, np.uint8)
-
-    def merged(self, latency: I64) -> Mask:
-        """Tell which chunks are of two taps; their latency is raised to what their marks say."""
-        out: Mask = (self.clocks == _READ) & (self.directions != _UNKNOWN)
-        if MarkKind.MERGED in self._counts:
-            rows, counts = self._counts[MarkKind.MERGED]
-            out[rows] = True
-            np.maximum.at(latency, rows, counts)
-        return out
-
-
-def _counted(
-    marked: Iterable[tuple[int, tuple[Mark, ...]]],
-) -> Mapping[MarkKind, tuple[list[int], list[int]]]:
-    """Return by kind of mark whose chunks' marks these are, and what they count."""
-    out: dict[MarkKind, tuple[list[int], list[int]]] = {}
-    for i, marks in marked:
-        for mark in marks:
-            kind = mark.kind
-            told = out.get(kind)
-            if told is None:
-                told = out[kind] = ([], [])
-            told[0].append(i)
-            told[1].append(mark.count)
-    return out
-
-
-def clock_of(chunk: Chunk) -> Clock:
-    """Return a chunk's clock; a time that nobody vouches for is a time stamp like any other."""
-    if chunk.t_ns is None:
-        return Clock.NONE
-    return chunk.clock or Clock.FILE
+_NONE, _SAMPLE = np.uint8(Clock.NONE), np.uint8(Clock.SAMPLE)
 
 
 class Stamps(Remembering):
@@ -276,7 +200,18 @@ class Stamps(Remembering):
         return slack, beside & told & (pause > self._tail_ns)
 
     def _reckoned(self, lull: I64, latency: I64) -> I64:
-        """Return the slacks: each is the lull and the slack before it, from none to the latency."""
+        """Return the slacks: each is the lull and the slack before it, from none to the latency.
+
+        For example five chunks, each held for 16 at most::
+
+            lull   0    5    -3   20   2       time to spare since the chunk before
+            spare  0    5    2    18   20      summed up, of row 3 no more than 16
+            floor  0    -16  -11  -14  2    4  the sum at which a chunk was held for 16
+            slack  0    5    2    16   16      above the highest floor so far
+
+        Row by row it is min(max(lull + the one before, 0), 16); the loop below says that. The sum
+        above its highest floor is the same without a loop, as long as it never falls below none.
+        """
         if not latency.any():
             return np.zeros(len(lull), np.int64)
         # A lull beyond the latency says no more than one of just that, whatever the clock did.
@@ -324,6 +259,19 @@ class Stamps(Remembering):
 
         The uncertainty covers both times: the end's slack, the start's (in an earlier read it may
         be greater), and what the rate's tolerance adds to bytes that are laid out by it.
+
+        For example two frames of 9 bytes, a byte taking 100: 4 bytes of the first were read at
+        1000, all others at 5000::
+
+            end      9     18
+            behind   9     0         bytes of its last read that stand behind each frame
+            t_end    4100  5000
+            laid     4     9         bytes from its begin to the end of its first read
+            t_first  600   4100      that read's stamp, less these
+            whole    3200  4100      its end, less its own bytes
+            t_start  600   4100      the earlier: no frame takes less than its bytes do
+
+        Nothing is averaged over reads: what later ones say must not move what was told.
         """
         if not len(frames):
             return frames

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 MANY: Final = 1 << 13
-"""Values from which on their extremes are noted, register by register, while each is a column of
-its own: whether any is out of range costs a tenth then of asking every value for its range."""
+"""From so many values on, the extremes of each register are noted while it is a column of its own.
+To find what is out of range costs a tenth then of asking every value for its range."""
 
 FEW_SHAPES: Final = 12
 """Shapes looked for one by one before the rest is sorted."""

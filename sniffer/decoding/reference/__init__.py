@@ -14,6 +14,7 @@ from sniffer.decoding.echo import slow_echoes
 from sniffer.decoding.reference.pending import matched
 from sniffer.decoding.reference.values import SampleRow, SlowValues
 from sniffer.decoding.staging import slow_staged_ids
+from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import (
     DAMAGED,
     IF_ALL,
@@ -27,7 +28,7 @@ from sniffer.ground.codes import (
     UNSOLICITED,
 )
 from sniffer.ground.model import ECHO, Chunk, Clock
-from sniffer.ground.timing import byte_time_ns, clock_of
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

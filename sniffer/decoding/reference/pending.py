@@ -14,6 +14,7 @@ token (a length, an address and length, a word). Together they are the *key*.
   as it is from the beginning of the answers.
 - A request to all (``MANY``) ends the runs of its token. What is left over is the latest one's that
   it fits; right behind a request that has no answer it is that one's, but does not fit it.
+- What a servo says ``ON_ITS_OWN`` answers nobody, wherever it stands.
 
 Where answers name nobody (``ordered``), they stand behind their requests as framing put them: of m
 answers in a row, the last m requests before them get one each.
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, UNSOLICITED
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, ON_ITS_OWN, REQUEST, UNSOLICITED
 from sniffer.ground.model import ANY_ID, DEPTH, NO_ALT
 
 if TYPE_CHECKING:
@@ -140,6 +141,8 @@ class _Pending:
 
     def left_over(self, answer: int, taken: set[int]) -> Match:
         """Return what an answer is that no request to its servo is open for."""
+        if self.frames[answer].token == ON_ITS_OWN:
+            return answer, -1, UNSOLICITED
         for q in reversed(range(answer)):
             if self.asks_all(q) and self.is_open(q, answer) and self.fits(q, answer):
                 return answer, q, OK

@@ -159,9 +159,9 @@ def _numbers(raw: bytes, at: int, servo_id: int, *, is_reply: bool) -> Line | Mi
 def explain(run: bytes, start: int) -> list[Gap]:
     """Say why no frame claims these bytes, in pieces that join to the whole of them.
 
-    Blanks (line feeds, spaces, tabs) between lines are noise marked ``blank``; lines that another
-    mark cuts are truncated; one that reaches its carriage return is damaged, ``column`` (from 1)
-    tells where and ``expected`` what should have stood there.
+    Blanks (line feeds, spaces, tabs) between lines are noise marked ``blank``. Lines that another
+    mark cuts are truncated. One that reaches its carriage return is damaged: ``column`` (from 1)
+    tells where, ``expected`` what should have stood there.
     """
     # A run of 26 bytes (a dot is a carriage return) and its pieces:
     #

@@ -164,7 +164,24 @@ class FamilyColumns:
         return data[start + self.id_at]
 
     def describe(self, block: Block, spans: Spans) -> Frames:
-        """Tell commands from responses, and what each expects."""
+        """Tell commands from responses, and what each expects.
+
+        For example mightyZAP: servo 1 is asked for two bytes at 8C and gives them, servo 2 is given
+        a goal and reports error 20, and servo 1 is asked with a byte too many::
+
+            row          0    1    2    3    4
+            code         242  0    243  32   242     F2 load, an error, F3 store, an error, F2
+            count        2    2    3    0    3       parameter bytes
+            what         15   0    23   0    1       of a command: 15 reads, 23 writes, 1 fits not
+            request      1    0    1    0    1
+            address      140  -1   134  -1   -1
+            data_length  0    2    2    0    3
+            token        2    2    0    -1   0       -1: an error without data answers anything
+
+        Invariant: what a packet is as a command, ``what`` says by code and count alone. So commands
+        are not gone through one by one, which would touch every array once a command; a row is
+        looked at again only where its bits say that its own bytes matter (CHECKED, TARGETS).
+        """
         start, end, family = spans.start, spans.end, self.family
         servo_id, code = self._ids(block.data, start), block.data[start + self.code_at]
         body = self.plain(block, start, end)

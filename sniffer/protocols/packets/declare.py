@@ -53,22 +53,31 @@ ANY: Final = -1
 class Command:
     """One command: the grammar of its parameters, who answers, and what it changes.
 
-    ``reply`` and ``to_all`` are NEVER, OPTIONAL, IF_ALL, IF_READ, MUST or MANY: what an id of one
-    servo gets, and what an id gets that none else answers. ``effect`` joins STAGED (its values wait
-    for another command), RELEASES (it is that one) and RESETS (the servo goes back to its
-    defaults). ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits
-    of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
-    ``length`` asks for them; ANY, with ``answer_code`` or ``answer_header``: as many as the
-    register has, which the request does not say. ``repeats``, with ``echoes``: its answer is the
-    same packet once more. ``together``: one packet answers for all targets, each with error, id,
-    data and, but for the last, a checksum. ``feedback``, with ``answer_code``: the grammar of its
-    own answer behind the code.
+    - ``reply``, ``to_all``: whether one servo answers, and whether anybody does where all are
+      meant: NEVER, OPTIONAL, IF_ALL, IF_READ, MUST or MANY.
+    - ``effect`` joins STAGED (its values wait for another command), RELEASES (it is that one) and
+      RESETS (the servo goes back to its defaults).
+    - ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits of
+      ``option`` is set; bits 0: always.
 
-    Where packets name no address, ``at`` is that of the registers that its parameters are or, with
-    ``answer``, its answer; of ``targets`` each servo's bytes are those. Where both are registers,
-    ``at`` is that of the parameters and ``answer_at`` that of the answer. Where packets name one,
-    it is multiplied by ``stride`` (addresses that count registers: bytes of the table from one to
-    the next), and ``space`` is added (several spaces that all begin at 0).
+    Its answer:
+
+    - ``answer``: how many data bytes it has, where no ``length`` asks for them. ANY: as many as the
+      register, which the request does not say; that wants ``answer_code`` or ``answer_header``.
+    - ``feedback``: the grammar of its own behind the code; that wants one of the two as well.
+    - ``repeats``: it is the same packet once more; that wants ``echoes``.
+    - ``together``: one packet answers for all targets, each with error, id, data and, but for the
+      last, a checksum.
+    - ``later``: {"status": (2, 3)}, what a field of its feedback says in a further answer, which
+      the servo sends of its own accord once it has done what was asked.
+
+    Where the bytes stand in the table:
+
+    - ``at``, where packets name no address: that of the parameters or, with ``answer``, of the
+      answer; of ``targets`` each servo's bytes stand there.
+    - ``answer_at``: that of the answer, where ``at`` is that of the parameters.
+    - ``stride``, ``space``: an address that packets name is multiplied by the first (it counts
+      registers) and added to the second (several spaces that all begin at 0).
     """
 
     name: str
@@ -85,6 +94,7 @@ class Command:
     space: int = 0
     repeats: bool = False
     feedback: Any = None
+    later: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
 
 class Stuffing(Protocol):
@@ -103,33 +113,35 @@ class Stuffing(Protocol):
 class PacketFamily:
     """A protocol of the family.
 
-    ``packet`` is the grammar of all packets; it names ``servo_id``, a length, ``code``, and the
-    parameters, which it may call as the manual does. It is a Struct of header, ``body`` and
-    ``checksum``, or a ``Packet`` whose checks stand where they like. Without a length all packets
-    are as long or, with ``Bytes(BY_CODE)`` in a ``Packet``, as long as the parameters of their
-    command; without an id all is shown under ``sole_id``.
+    ``packet`` is the grammar of all packets, a Struct of header, ``body`` and ``checksum``, or a
+    ``Packet`` whose checks stand where they like. It names ``servo_id``, a length, ``code``, and
+    the parameters, which it may call as the manual does. Without an id all is shown under
+    ``sole_id``. Without a length all packets are as long; with ``Bytes(BY_CODE)`` in a ``Packet``
+    they are as long as their command's parameters. ``most``: the greatest length that is believed.
 
-    ``feedback`` is that of a response's code and parameters: ``error`` (FlagsEnum or Enum) and
-    ``data``; where it begins with a constant, that code is a response and all others are commands.
-    Else the error stands in the place of the code: codes from ``certain`` on are commands, and any
-    other is one where it fits as one (``begins``: where it begins as one), unless the request
-    before it awaits just that many bytes; the same bytes once more are the same request. ``doubt``:
-    a response with data that fits as a command as well is marked (UNUSUAL), and states no values.
-    ``echoes``: an answer has the code of its request, and has as many bytes as ``answer`` says,
-    which its request has not: that tells them apart. All of these bytes are ``data``.
-    ``answer_code`` gives the code of the answer to each command, as ``lambda code: code + 0x40``,
-    and None where nothing tells one; ``feedback`` is then that of the parameters only, and a
-    command may have its own. One that names ``address`` or ``length`` fits no other request.
-    ``answer_header``: answers are the same packets with that header, and, unless ``answer_code``
-    says otherwise, the code of their request.
+    ``feedback`` is the grammar of a response: ``error`` (FlagsEnum or Enum) and ``data``. What
+    tells a response is one of these:
 
-    ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
-    under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
-    bits of it, by name, that are no error beside an Enum of those. ``most`` is the greatest length
-    that is believed. A request may be answered within ``reach`` bytes, or those of the longest
-    packet, while others are asked. ``window_ns`` is how long an answer may take, a silence longer
-    than ``tail_ns`` is crossed by nothing. ``words`` are what the manual calls a code that asks,
-    one that answers, and a response.
+    - ``feedback`` begins with a constant: that code is a response, all others are commands.
+    - ``answer_code``, as ``lambda code: code + 0x40``: the code of the answer to each command, None
+      where nothing tells one. ``feedback`` is then that of the parameters only, and a command may
+      have its own. One that names ``address`` or ``length`` fits no other request.
+    - ``answer_header``: answers are the same packets with that header and, unless ``answer_code``
+      says otherwise, the code of their request.
+    - ``echoes``: an answer has the code of its request, and as many bytes as ``answer`` says, which
+      its request has not. All of these bytes are ``data``.
+    - None of them: the error stands in the place of the code. Codes from ``certain`` on are
+      commands. Any other is one where it fits as one (``begins``: where it begins as one), unless
+      the request before it awaits just that many bytes; the same bytes once more are the same
+      request. ``doubt``: a response with data that fits as a command, too, is marked (UNUSUAL), and
+      states no values.
+
+    Ids: all servos obey ``silent`` ones and none answers; each answers ``anyone`` under its own.
+    Errors: ``refusals`` are the bits that say that it was not done; ``alerts`` are bits, by name,
+    that are no error beside an Enum of those. Time: an answer takes ``window_ns`` at most, and
+    nothing crosses a silence longer than ``tail_ns``. While others are asked, it comes within
+    ``reach`` bytes, or those of the longest packet. ``words`` are what the manual calls a code that
+    asks, one that answers, and a response.
     """
 
     name: str
@@ -251,12 +263,14 @@ class PacketFamily:
 
     def _size_of(self, code: int, command: Command, *, back: bool = False) -> int:
         """Return how many bytes the parameters of a command, or of its answer, have."""
-        if back and command.answer > 0:
-            return command.answer
         grammar = (command.feedback or self.feedback) if back else command.params
         takes = [f for f in grammar.subcons if bare(f) is not c.Terminated]
+        counted = max(command.answer, 0) if back else 0
+        if counted:  # the data are as many as the command says, whatever stands beside them
+            takes = [f for f in takes if f.name != "data"]
         try:
-            return sum(f.sizeof() for f in takes)  # of a Check it is 0
+            beside: int = sum(f.sizeof() for f in takes)  # of a Check it is 0
+            return counted + beside
         except c.SizeofError:
             what = "its answer: say answer=, or a feedback" if back else "it: say parameters"
             raise DeclarationError(

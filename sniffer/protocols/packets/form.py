@@ -185,6 +185,18 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
             f"command {command.name} has a feedback of its own: that wants answer_code (or "
             "answer_header), by which an answer tells what it answers",
         )
+    if command.later and not family.asked_by:
+        _refuse(
+            family,
+            f"command {command.name}: later wants answer_code or answer_header, by which an answer "
+            "tells what it answers",
+        )
+    for name in command.later:
+        if field_named(family.feedback_of(code), name) in (None, c.GreedyBytes):
+            _refuse(
+                family,
+                f"command {command.name}: later names {name}, which is no number in its feedback",
+            )
 
 
 def _check_answers(family: PacketFamily) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.codes import REQUEST
+from sniffer.ground.codes import ON_ITS_OWN, REQUEST
 from sniffer.ground.model import SnifferError
 from sniffer.protocols.base import RESTARTS, joined, no_clues
 from sniffer.protocols.packets.columns import FamilyColumns
@@ -79,13 +79,18 @@ class Member(Words):
         return np.full(len(frames), self.family.window_ns)
 
     def states_itself(self, frames: Frames) -> Mask:
-        """Tell which responses name an address: what others' bytes are, only the request says."""
-        if not self._states_address:
+        """Tell which responses name an address: what others' bytes are, only the request says.
+
+        An answer that comes on its own says what its code has it say, whoever asked.
+        """
+        own = frames.token == ON_ITS_OWN
+        if not self._states_address and not own.any():
             return np.zeros(len(frames), bool)
         named = (frames.kind != REQUEST) & (frames.address >= 0)
-        return np.asarray(named & (frames.token != LISTED))
+        return np.asarray(named & (own | self._states_address) & (frames.token != LISTED))
 
     def slow_states_itself(self, frame: SlowFrame) -> bool:
         """Tell the same of one."""
-        named = self._states_address and frame.kind != REQUEST and frame.address >= 0
+        named = self._states_address or frame.token == ON_ITS_OWN
+        named = named and frame.kind != REQUEST and frame.address >= 0
         return named and frame.token != LISTED

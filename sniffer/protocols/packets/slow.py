@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import construct as c
 from construct import ConstructError
 
-from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, ON_ITS_OWN, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
@@ -185,6 +185,11 @@ class Slow:
             out.status = params[place["error"]]
             wild = "data" in fields and "length" not in fields and not out.data
             out.token = -1 if wild and out.status else out.token
+        for name, values in command.later.items() if command is not None else ():
+            width = field_named(grammar, name).sizeof()
+            said = int.from_bytes(params[place[name] : place[name] + width], "little")
+            if said in values:
+                out.token = ON_ITS_OWN
 
     def _command(self, out: SlowFrame, command: Command, fields: Any, params: bytes) -> None:
         """Read what a command wants, and what it changes."""

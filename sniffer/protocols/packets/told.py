@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import construct as c
 import numpy as np
 
+from sniffer.ground.codes import ON_ITS_OWN
 from sniffer.ground.model import MALFORMED
 from sniffer.ground.wire import AllBut
 from sniffer.protocols.packets.declare import ADDRESS_AT, ANY, CODE_AT, KEY
@@ -44,6 +45,19 @@ class AnswerShape:
     def is_any_length(self) -> bool:
         """Whether nothing but its size tells how many data there are."""
         return self.data and "length" not in self.at
+
+    def field(self, name: str, data: U8, at: I64, count: I64) -> I64 | None:
+        """Return what a field says in each answer; None where they have none of that name.
+
+        ``at`` is where the parameters of each begin in ``data``, ``count`` how many bytes they are.
+        """
+        if name in self.at:
+            where, width = self.at[name]
+            return column(data, at + where, width)
+        if name in self.last:
+            where, width = self.last[name]
+            return column(data, at + count - where, width)
+        return None
 
 
 def answer_of(grammar: Any) -> AnswerShape:
@@ -119,6 +133,7 @@ class ToldAnswers:
         self._place = {code: (command.stride, command.space) for code, command in told.items()}
         self._at = {code: command.answer_at for code, command in told.items()}
         self._any = {code for code, command in told.items() if command.answer == ANY}
+        self._later = {code: command.later for code, command in told.items()}
         self.states_address = any("address" in s.at for s in self.shapes.values())
         self._known = np.isin(np.arange(256), [*self.shapes])
         self._key, self._names_it = np.zeros(256, np.int64), np.zeros(256, bool)
@@ -136,7 +151,25 @@ class ToldAnswers:
         self, body: Bytes, code: U8, request: Mask, *, held: I64, length: I64, status: I16,
         address: I64, token: I64, flags: U8,
     ) -> None:  # fmt: skip
-        """Fill in what the answers say; ``held`` is how many bytes stand before the data."""
+        """Fill in what the answers say, in the rows that are none of ``request``.
+
+        For example HerkuleX, what stands behind the code of two answers: two bytes at 3A are read,
+        and a write is not done (error 2)::
+
+            44 | 3A 02 | 7F 03 | 00 40     held 2, length 2, status 0, address 3A
+            43 | 02 00 |                   held 2, length 0, status 2, address -1
+
+        Args:
+            body: the parameters of all rows, as they were meant.
+            code: of all rows.
+            request: the rows that are requests, which stay as they are.
+            held: filled in, like all that follow: bytes before the data.
+            length: data bytes.
+            status: the error, -1 where there is none.
+            address: where the data stand in the table, -1 where nothing says it.
+            token: what the answer has in common with its request.
+            flags: MALFORMED where it is not as its grammar has it.
+        """
         answers = np.flatnonzero(~request)
         flags[answers[~self._known[code[answers]]]] = MALFORMED
         for k, shape in self.shapes.items():
@@ -169,12 +202,12 @@ class ToldAnswers:
             named = column(data, at + where, width) * stride + space
             address[rows] = np.where(good, named, -1)
             token[rows] |= np.where(good, named << ADDRESS_AT, 0)
-        if "error" in shape.at:
-            error = column(data, at + shape.at["error"][0], 1)
-        elif "error" in shape.last:
-            error = column(data, at + count - shape.last["error"][0], 1)
-        else:
-            return
-        status[rows] = np.where(good, error, -1)
-        if shape.is_any_length:  # an error needs no data: it answers any request
-            token[rows[good & (error > 0) & (own == 0)]] = -1
+        error = shape.field("error", data, at, count)
+        if error is not None:
+            status[rows] = np.where(good, error, -1)
+            if shape.is_any_length:  # an error needs no data: it answers any request
+                token[rows[good & (error > 0) & (own == 0)]] = -1
+        for name, values in self._later.get(code, {}).items():
+            said = shape.field(name, data, at, count)
+            if said is not None:
+                token[rows[good & np.isin(said, values)]] = ON_ITS_OWN

@@ -166,7 +166,23 @@ def _with_resets(block: Block, start: I64, end: I64, waiting: I64) -> tuple[I64,
 
 
 def describe(block: Block, spans: Spans) -> Frames:
-    """Say what each packet commands or returns, and which reply a request expects."""
+    """Say what each packet commands or returns, and which reply a request expects.
+
+    For example, servo 1 is to switch its torque on and to acknowledge that (nibble 1), and is then
+    asked for two bytes at 2A (nibble F), which it returns. Servo 2 is given a goal, no more::
+
+        row      0      1      2      3      4
+        ack      0      1      0      0      0
+        head     0      0      10     18     28     where the fields stand: row 1 has row 0's
+        op       0      7      1      6      0      WRITE, ACK_OP, READ, RETURN_OP, WRITE
+        address  36     -1     42     42     30
+        token    65536  65536  10754  10754  131072     ACK_TOKEN, 2A02, NO_TOKEN
+        reply    4      0      4      0      0      MUST, NEVER
+
+    Each column is made for all kinds of packets in turn, the commonest first, and what is otherwise
+    is put over it: so the order of two lines about one column matters. Going kind by kind instead
+    would gather and scatter every column once a kind.
+    """
     data, start, end = block.data, spans.start, spans.end
     n = len(start)
     length = end - start

@@ -1,8 +1,8 @@
 """wCK in columns; every layout number comes from ``OPS``.
 
-A reply has no header and no checksum: whether a command has one is decided by the two bytes behind
-it, and the command that has one ends two bytes later for the greedy walk. Time decides nothing
-here: framing is a function of the bytes and of silences.
+A reply has no header and no checksum. Whether a command has one is decided by the two bytes behind
+it; if so, the command ends two bytes later for the greedy walk. Time decides nothing here: framing
+is a function of the bytes and of silences.
 """
 
 from __future__ import annotations

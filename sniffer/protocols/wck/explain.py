@@ -65,9 +65,9 @@ def explain(run: bytes, start: int, *, awaited: bool) -> list[Gap]:
 def _torn_frames(run: bytes) -> Iterator[tuple[int, int, str, dict[str, Any]]]:
     """Yield (offset, length, reason, detail) of what may have been meant as a command.
 
-    Four bytes and a sum of seven bits are weak evidence, so position has to help: commands are
-    looked for from the run's first header on, as long as one follows the other with no more than a
-    reply between them; and once more at its last header. In a muddle between nothing is claimed.
+    Four bytes and a sum of seven bits are weak evidence, so position has to help. Commands are
+    looked for from the run's first header on, as long as no more than a reply lies between two of
+    them, and once more at its last header. In a muddle between nothing is claimed.
     """
     n, done = len(run), -1
     for match in _HEADER.finditer(run):

@@ -53,7 +53,21 @@ local READS = {  -- a number at `i` (the first byte is 1), by the type names of 
 READS.i16le = function(raw, i) local v = READS.u16le(raw, i); return v < 32768 and v or v - 65536 end
 READS.i16be = function(raw, i) local v = READS.u16be(raw, i); return v < 32768 and v or v - 65536 end
 READS.u32 = function(raw, i) return READS.u16le(raw, i) + READS.u16le(raw, i + 2) * 65536 end
-READS.i32 = function(raw, i) local v = READS.u32(raw, i); return v < 2 ^ 31 and v or v - 2 ^ 32 end
+READS.u32be = function(raw, i) return READS.u16be(raw, i) * 65536 + READS.u16be(raw, i + 2) end
+
+-- Written out: from Lua 5.3 on 2 ^ 32 is a float, and what it is taken from would be shown as -5.0.
+local TWO_31, TWO_32 = 2147483648, 4294967296
+READS.i32 = function(raw, i) local v = READS.u32(raw, i); return v < TWO_31 and v or v - TWO_32 end
+READS.i32be = function(raw, i)
+  local v = READS.u32be(raw, i)
+  return v < TWO_31 and v or v - TWO_32
+end
+-- Exact where Lua has integers (5.3); before that up to 53 bits, as far as its numbers go.
+READS.i64 = function(raw, i) return READS.u32(raw, i) + READS.i32(raw, i + 4) * TWO_32 end
+
+local function digits(raw)  -- all of them: old Lua writes numbers from 1e14 on in short
+  return math.type and tostring(raw) or format("%.0f", raw)
+end
 
 -------------------------------------------------------------------------------------------- fields
 

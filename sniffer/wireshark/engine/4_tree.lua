@@ -33,7 +33,7 @@ local function show_value(state, tree, tvb, v, id, is_seen)
     local words = not v[6] and name_of(reg, raw)
     item:append_text((value and reg.unit and " " .. reg.unit or "")
       .. (v[6] and ", a part of it" or "")
-      .. " (raw " .. raw .. (words and ", " .. words or "") .. ")")
+      .. " (raw " .. digits(raw) .. (words and ", " .. words or "") .. ")")
   end
   if servo and servo ~= id then item:add(F.target, range, servo) end
   if not value then item:add(F.raw, range, Int64.new(raw)) end
