@@ -22,7 +22,7 @@ from sniffer.ground.model import NEVER_NS, Anomaly, Direction
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import Batch
 
 ENOUGH: Final = 8
 """Requests without any answer (answers without any request) from which on only one side is heard.
@@ -69,9 +69,10 @@ class Hearing(Remembering):
         here = stray | early
         place, told = [np.flatnonzero(~here)], [found.take(np.flatnonzero(~here))]
         rows = np.flatnonzero(here)
-        torn = np.isin(found.at[rows], self._torn_ends(batch))
-        columns = (rows, stray[rows], torn, found.servo_id[rows])
-        for i, is_stray, is_torn, who in zip(*(c.tolist() for c in columns), strict=True):
+        torn = self._torn_ends(batch)
+        columns = (rows, stray[rows], found.at[rows], found.servo_id[rows])
+        for i, is_stray, at, who in zip(*(c.tolist() for c in columns), strict=True):
+            is_torn = is_stray and at in torn
             # Of a wire alone there may be millions: what is only counted needs no object.
             if is_stray and not is_torn and self._answers >= ENOUGH:
                 self._answers += 1
@@ -112,11 +113,12 @@ class Hearing(Remembering):
             return -1
         return batch.base + int(batch.frames.start[rows[0]]) if len(rows) else NEVER_NS
 
-    def _torn_ends(self, batch: Batch) -> I64:
+    def _torn_ends(self, batch: Batch) -> frozenset[int]:
         """Return where broken frames end: of an answer right behind one the request is damaged."""
         gaps = Gaps.of(batch.gaps)
         torn = (gaps.kind != NOISE) & (gaps.kind != BLANK)
-        return np.append((gaps.start + gaps.length)[torn] + batch.base, self._broken)
+        ends = (gaps.start + gaps.length)[torn] + batch.base
+        return frozenset((*ends.tolist(), self._broken))
 
     def _is_known(self, servo_id: int) -> bool:
         """Tell whether one more request without an answer is nothing new."""
