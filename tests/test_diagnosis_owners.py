@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.owners import owner
+from sniffer.diagnosis.twins import sign_of
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import MS, Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
+from tests.streams import mightyzap
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.owners import Owner
@@ -138,3 +140,14 @@ def test_a_second_answer_that_names_its_servo_is_that_ones_however_stamps_lie(
     talk = robot(protocol, 8, servos=SERVOS, instead=instead, goals=False)
     for chunks in (talk.chunks, by_the_millisecond(talk)):
         assert verdicts(talk.diagnosed(chunks).incidents()) == [("duplicate-id", (2,))]
+
+
+def test_answers_of_two_lengths_tell_nothing_that_requests_to_their_servo_do_not_say_too() -> None:
+    """What they have in common is a header and an id: a torn request is no piece of an answer."""
+    short, long = mightyzap.packet(2, 0), mightyzap.packet(2, 0, b"\x10\x02")
+    common, peer = long[:4], mightyzap.packet(1, 0)
+    assert short.startswith(common)
+    asks = [mightyzap.packet(2, 0xF1), mightyzap.packet(2, 0xF2, b"\x8c\x02")]
+    assert sign_of(common, [peer, *asks]) == b""
+    assert sign_of(common, [peer]) == common
+    assert sign_of(long, [peer, short, *asks]) == long[:6]

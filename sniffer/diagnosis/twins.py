@@ -65,6 +65,9 @@ CHANCE: Final = 1e-6
 LEFT: Final = 0.5
 """Part of one servo's traces that another must have of its own to answer twice as well."""
 
+SIGN: Final = 2
+"""Bytes at least by which the beginning of an answer tells whose it is."""
+
 SOME: Final = 10
 """Delays from which on one knows how they vary."""
 
@@ -307,17 +310,21 @@ def _named(case: Case) -> Mapping[int, int]:
 
 def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
     """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
-    size = telling(theirs, others)
-    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+    sign = sign_of(theirs, others)
+    return len(sign) >= SIGN and len(got) > len(sign) and got.startswith(sign)
 
 
-def telling(theirs: bytes, others: Sequence[bytes]) -> int:
-    """Return how many first bytes of one servo's answers tell them from all others."""
+def sign_of(theirs: bytes, others: Sequence[bytes]) -> bytes:
+    """Return the first bytes of one servo's answers that tell them from all others; empty: none do.
+
+    Answers of two lengths have in common only what a request to their servo begins with, too.
+    """
     differ = [
         next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)
         for other in others
     ]
-    return max(differ, default=0)
+    sign = theirs[: max(differ, default=0)]
+    return b"" if any(other.startswith(sign) for other in others) else sign
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

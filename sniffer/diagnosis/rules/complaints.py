@@ -13,7 +13,7 @@ from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import beginnings, telling, twins
+from sniffer.diagnosis.twins import SIGN, beginnings, sign_of, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -91,9 +91,6 @@ BARE_SHARE: Final = 0.7
 
 NEAR_RAW: Final = 3
 """Steps that a joint may have moved since its last answer."""
-
-SIGN: Final = 2
-"""Bytes at least by which the beginning of an answer tells whose it is."""
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -243,9 +240,7 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     signs = {}
     for servo, own in begins.items():
         others = [other for s, other in begins.items() if s != servo]
-        sign = own[: telling(own, [*others, *requests])]
-        # answers of two lengths have in common only what a request to the servo begins with, too
-        signs[servo] = b"" if any(q.startswith(sign) for q in requests) else sign
+        signs[servo] = sign_of(own, [*others, *requests])
     torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
     return {
         servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
