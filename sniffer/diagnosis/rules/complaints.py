@@ -12,8 +12,9 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.signs import SIGN, beginnings, sign_of
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import SIGN, beginnings, sign_of, twins
+from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -208,7 +209,8 @@ def chatty(case: Case) -> Iterator[Finding]:
         # a second answer may come so late that another one is being asked by then
         late = set()
         if twin is not None:
-            late = {d.at for d in twin.stray} | {t.at for t in twin.behind}
+            places = (twin.stray, twin.foreign, twin.crossed)
+            late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
         more = n + sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
             for d in case.damages
