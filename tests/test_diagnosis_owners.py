@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.diagnosis.followed import followed
 from sniffer.diagnosis.owners import owner
 from sniffer.diagnosis.signs import sign_of
 from sniffer.ground.model import Chunk, Clock
@@ -210,6 +211,21 @@ def test_frames_of_another_protocol_behind_one_servos_answers_are_no_second_answ
     talk = robot("lss", 12, servos=SERVOS, instead=instead, goals=False)
     for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
         assert "answers-twice" not in codes(talk.diagnosed(chunks))
+
+
+def test_a_short_word_of_another_protocol_behind_one_servos_answers_is_no_second_answer() -> None:
+    """It begins as neither of the two that would collide there."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.read(servo, swinging(servo, talk.now_s))
+        if servo == 2:
+            talk.say(b"#%dD%d\r" % (4 + cycle % 3, 10 * cycle))
+            talk.rest(0.5)
+        return True
+
+    talk = robot("rs30x", 12, servos=SERVOS, instead=instead, goals=False)
+    (case,) = talk.diagnosed().cases()
+    assert followed(case) is None
 
 
 def test_requests_hit_by_a_pulse_now_and_then_are_not_the_work_of_the_servo_before() -> None:

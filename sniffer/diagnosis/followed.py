@@ -68,6 +68,8 @@ def _followed(case: Case) -> Followed | None:
     requests = [d for d in requests if not d.alike]
     if sum(d.length > _longest(case) for d in requests) > (1 - NEARLY) * len(requests):
         return None  # what two that know nothing of this protocol say to each other
+    if 2 * sum(d.got[:1] in _first_bytes(case) for d in requests) < len(requests):
+        return None  # neither of two that collide began: one of them mostly is first
     places = [*requests, *(d for d in case.damages if d.turn == IN_REPLY and not d.is_answered)]
     exchanges = max(sum(case.total("ok", s) for s in case.servos), 1)
     named = _named(case, places)
@@ -94,6 +96,13 @@ def _longest(case: Case) -> int:
     """Return how many bytes a request and an answer that runs into it have at most."""
     answers = (len(a) for known in case.ledger.damages.likes.known.values() for a in known)
     return max(answers, default=0) + max(map(len, case.ledger.exchanges.kinds.requests), default=0)
+
+
+def _first_bytes(case: Case) -> set[bytes]:
+    """Return with what requests and answers begin."""
+    known = case.ledger.damages.likes.known
+    answers = {a[:1] for some in known.values() for a in some}
+    return answers | {q[:1] for q in case.ledger.exchanges.kinds.requests}
 
 
 def _named(case: Case, places: Sequence[Damage]) -> int | None:
