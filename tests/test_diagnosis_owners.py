@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.diagnosis.followed import followed
 from sniffer.diagnosis.owners import owner
+from sniffer.diagnosis.signs import sign_of
 from sniffer.ground.model import Chunk, Clock
-from tests.conversations import MS, Conversation, robot, swinging, through_usb
+from tests.conversations import MS, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.streams import mightyzap
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.owners import Owner
@@ -138,3 +141,108 @@ def test_a_second_answer_that_names_its_servo_is_that_ones_however_stamps_lie(
     talk = robot(protocol, 8, servos=SERVOS, instead=instead, goals=False)
     for chunks in (talk.chunks, by_the_millisecond(talk)):
         assert verdicts(talk.diagnosed(chunks).incidents()) == [("duplicate-id", (2,))]
+
+
+def test_answers_of_two_lengths_tell_nothing_that_requests_to_their_servo_do_not_say_too() -> None:
+    """What they have in common is a header and an id: a torn request is no piece of an answer."""
+    short, long = mightyzap.packet(2, 0), mightyzap.packet(2, 0, b"\x10\x02")
+    common, peer = long[:4], mightyzap.packet(1, 0)
+    assert short.startswith(common)
+    asks = [mightyzap.packet(2, 0xF1), mightyzap.packet(2, 0xF2, b"\x8c\x02")]
+    assert sign_of(common, [peer, *asks]) == b""
+    assert sign_of(common, [peer]) == common
+    assert sign_of(long, [peer, short, *asks]) == long[:6]
+
+
+def behind(protocol: str, whose: int) -> Conversation:
+    """A second answer of ``whose`` lies over what follows: its neighbour's answer, or a request.
+
+    What a UART makes of two senders some bits apart has other bytes than either, and fewer.
+    """
+    rng = random.Random(7)
+
+    def torn(said: bytes) -> bytes:
+        left = rng.randrange(3)
+        return said[:left] + rng.randbytes(len(said) - left - rng.randrange(2, 4))
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        is_next = servo == whose + 1
+        ask = talk.tongue.ask(servo)
+        if is_next and cycle % 2:
+            talk.say(torn(ask))  # and nobody answers
+            talk.rest(2)
+            return True
+        talk.say(ask)
+        talk.rest(0.3)
+        answer = talk.tongue.answer(servo, place)
+        talk.say(torn(answer) if is_next else answer)
+        talk.rest(rng.uniform(0.2, 1.2))
+        return True
+
+    return robot(protocol, 12, servos=SERVOS, instead=instead, goals=False)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@pytest.mark.parametrize("host", ["exact", "usb", "none"])
+def test_all_that_is_torn_behind_one_servos_answers_is_its_second_ones_work(
+    protocol: str, host: str
+) -> None:
+    """Requests and a neighbour's answers: no host need say when they came."""
+    talk = behind(protocol, 2)
+    chunks = {"exact": talk.chunks, "usb": through_usb(talk.chunks)}.get(host)
+    told = talk.diagnosed(without_clock(talk.chunks) if chunks is None else chunks).incidents()
+    assert verdicts(told)[:1] == [("duplicate-id", (2,))]
+
+
+def test_frames_of_another_protocol_behind_one_servos_answers_are_no_second_answers() -> None:
+    """They are longer than an answer, and more than one for each request."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.read(servo, swinging(servo, talk.now_s))
+        if servo == 2:
+            for other in (20, 21, 22):
+                talk.say(mightyzap.packet(other, 0xF2, b"\x8c\x08"))
+                talk.rest(0.3)
+                talk.say(mightyzap.packet(other, 0, bytes([cycle % 256, 8, 59, 2, 22, 0, 120, 28])))
+                talk.rest(0.5)
+        return True
+
+    talk = robot("lss", 12, servos=SERVOS, instead=instead, goals=False)
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        assert "answers-twice" not in codes(talk.diagnosed(chunks))
+
+
+def test_a_short_word_of_another_protocol_behind_one_servos_answers_is_no_second_answer() -> None:
+    """It begins as neither of the two that would collide there."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.read(servo, swinging(servo, talk.now_s))
+        if servo == 2:
+            talk.say(b"#%dD%d\r" % (4 + cycle % 3, 10 * cycle))
+            talk.rest(0.5)
+        return True
+
+    talk = robot("rs30x", 12, servos=SERVOS, instead=instead, goals=False)
+    (case,) = talk.diagnosed().cases()
+    assert followed(case) is None
+
+
+def test_requests_hit_by_a_pulse_now_and_then_are_not_the_work_of_the_servo_before() -> None:
+    """Those to one servo stand behind one and the same other's answers, in any fixed order."""
+    rng = random.Random(8)
+
+    def instead(talk: Conversation, _cycle: int, servo: int) -> bool:
+        said = bytearray(talk.tongue.ask(servo))
+        hit = servo == 2 and rng.random() < 0.15
+        if hit:
+            said[rng.randrange(5, len(said))] ^= 1 << rng.randrange(8)
+        talk.say(bytes(said))
+        talk.rest(0.3)
+        if not hit:
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+        talk.rest(0.5)
+        return True
+
+    told = robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
+    assert "answers-twice" not in codes(told)

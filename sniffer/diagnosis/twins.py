@@ -15,10 +15,12 @@ import numpy as np
 from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.followed import followed
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
 from sniffer.diagnosis.owners import owner
+from sniffer.diagnosis.signs import beginnings, begins_like
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.followed import Followed
     from sniffer.diagnosis.owners import Owner, TornPlace
 
 LEAST: Final = 3
@@ -124,14 +127,18 @@ def _twins(case: Case) -> Mapping[int, Twin]:
             earlier.foreign.append(d)
     late = _late_twins(case)
     strays = [d for d in case.damages if d.turn == AT_TURN]
-    torn = [d for d in case.damages if d.turn == IN_REQUEST]
+    # a request some bits of which are wrong was hit by a pulse, not by an answer
+    torn = [d for d in case.damages if d.turn == IN_REQUEST and not d.alike]
     one = _behind_one(case, strays, SOME)
     if one in found and one not in late:
         found[one].stray += strays
-    one = _behind_one(case, torn, SOME)
+    everything = followed(case)
+    one = _behind_one(case, torn, SOME) if everything is None else -1
     if one in found:
         found[one].crossed += [d for d in torn if _behind_whom(d) == one]
     _spare(case, found)
+    if everything is not None:
+        _give(found, everything)
     ends = {d.at + d.length for d in torn}
     for servo, twin in found.items():
         events = case.anomalies("duplicate-response", servo_id=servo)
@@ -154,7 +161,7 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         tried = [(d, b) for d in answers if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
         twin.tried = len(tried)
         twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
-    steady = owner(case)
+    steady = owner(case) if everything is None else None
     if steady is not None and (steady.is_proof or any(_is_twin(case, t) for t in found.values())):
         _hand_over(case, found, steady)
     surest = max(found.values(), key=lambda t: t.twice + len(t.mixed), default=None)
@@ -163,6 +170,19 @@ def _twins(case: Case) -> Mapping[int, Twin]:
             twin.stray, twin.foreign, twin.crossed = [], [], []
     out = {s: t for s, t in found.items() if _is_twin(case, t)}
     return {s: t for s, t in out.items() if not _is_neighbour(t, surest)}
+
+
+def _give(found: dict[int, Twin], all_torn: Followed) -> None:
+    """Give all that stands behind one servo's answers to that one."""
+    places = {d.at for d in (*all_torn.requests, *all_torn.replies)}
+    for twin in found.values():
+        twin.torn, twin.stray, twin.foreign, twin.crossed = (
+            [d for d in some if d.at not in places]
+            for some in (twin.torn, twin.stray, twin.foreign, twin.crossed)
+        )
+    whose = found.setdefault(all_torn.servo_id, Twin(all_torn.servo_id))
+    whose.crossed += all_torn.requests
+    whose.foreign += [d for d in all_torn.replies if d.servo_id != whose.servo_id]
 
 
 def _hand_over(case: Case, found: dict[int, Twin], one: Owner) -> None:
@@ -212,7 +232,7 @@ def _is_foreign(d: Damage, begins: Mapping[int, bytes], requests: Sequence[bytes
     if d.earlier_id == d.servo_id or d.turn in (AT_TURN, IN_IDLE):
         return False
     others = [b for s, b in begins.items() if s != d.earlier_id]
-    return _begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
+    return begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
 
 
 def _spare(case: Case, found: Mapping[int, Twin]) -> None:
@@ -290,34 +310,10 @@ def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
     }
 
 
-def beginnings(case: Case) -> Mapping[int, bytes]:
-    """Return with what the answers of each servo begin."""
-    likes = case.ledger.damages.likes
-    answers: dict[int, list[bytes]] = {}
-    for request, known in likes.known.items():
-        answers.setdefault(likes.asked[request], []).extend(known)
-    return {servo: beginning(some) for servo, some in answers.items()}
-
-
 def _named(case: Case) -> Mapping[int, int]:
     """Return whose frames torn places say they are, by their first byte: a header names a servo."""
     told = case.anomalies("bad-checksum", "truncated-frame", "damaged-frame")
     return dict(zip(told.at.tolist(), told.servo_id.tolist(), strict=True))
-
-
-def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
-    """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
-    size = telling(theirs, others)
-    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
-
-
-def telling(theirs: bytes, others: Sequence[bytes]) -> int:
-    """Return how many first bytes of one servo's answers tell them from all others."""
-    differ = [
-        next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)
-        for other in others
-    ]
-    return max(differ, default=0)
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

@@ -12,8 +12,9 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.signs import SIGN, beginnings, sign_of
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import beginnings, telling, twins
+from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -91,9 +92,6 @@ BARE_SHARE: Final = 0.7
 
 NEAR_RAW: Final = 3
 """Steps that a joint may have moved since its last answer."""
-
-SIGN: Final = 2
-"""Bytes at least by which the beginning of an answer tells whose it is."""
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -211,7 +209,8 @@ def chatty(case: Case) -> Iterator[Finding]:
         # a second answer may come so late that another one is being asked by then
         late = set()
         if twin is not None:
-            late = {d.at for d in twin.stray} | {t.at for t in twin.behind}
+            places = (twin.stray, twin.foreign, twin.crossed)
+            late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
         more = n + sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
             for d in case.damages
@@ -243,9 +242,7 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     signs = {}
     for servo, own in begins.items():
         others = [other for s, other in begins.items() if s != servo]
-        sign = own[: telling(own, [*others, *requests])]
-        # answers of two lengths have in common only what a request to the servo begins with, too
-        signs[servo] = b"" if any(q.startswith(sign) for q in requests) else sign
+        signs[servo] = sign_of(own, [*others, *requests])
     torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
     return {
         servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
