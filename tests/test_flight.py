@@ -315,6 +315,10 @@ def test_a_ring_is_bounded_in_bytes_and_says_so(tmp_path: Path, line: Terminal) 
             "a flight recorder writes recordings: -o x.mcap",
         ),
         (("--ring", "9s", "--trigger", "noise", "-o", "no/x.mcap"), "there is no folder no"),
+        (
+            ("--ring", "9s", "--trigger", "noise", "-o", "crashes"),
+            "there is no folder crashes: make it first",
+        ),
         (("--until", "no-respons"), "no code or cause 'no-respons': did you mean no-response?"),
         (("--until", "voltage <"), "'voltage <' is no rule"),
         (("--on", "nothing", "true"), "no code or cause 'nothing'"),

@@ -93,6 +93,11 @@ def test_the_verdict_of_a_report_comes_first_and_is_that_of_the_diagnosis(
         assert f"incident-{incident.number}" in [a.get("id") for _, a in page.elements]
 
 
+def test_what_was_told_once_is_one_time(tmp_path: Path, capsys: Capsys) -> None:
+    within(capsys, "report", str(SAMPLES / "lss_damaged.log"), "-o", str(tmp_path / "x.html"))
+    assert "· 1 time " in Reader((tmp_path / "x.html").read_text()).text
+
+
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: str(p.name))
 def test_every_place_of_an_incident_that_is_shown_has_its_bytes_as_they_are_in_the_capture(
     capture: Path, tmp_path: Path

@@ -246,6 +246,9 @@ def record(
             raise click.UsageError("--ring goes with --trigger: say what a file is written for")
         met = tuple(map(str, triggers))
         flight = Flight(ring.get("ns"), ring.get("bytes"), met, post or POST_NS, ring_file)
+        for path in paths:
+            if not (path.suffix or path.is_dir()):
+                raise click.UsageError(f"there is no folder {path}: make it first")
         paths = tuple(path / INCIDENT if path.is_dir() else path for path in paths)
     elif triggers or post or ring_file:
         raise click.UsageError("--trigger, --post and --ring-file go with --ring 60s")

@@ -184,7 +184,12 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
     first, last = (words.moment(t, clock) for t in (incident.first_ns, incident.last_ns))
     when = first if first == last else f"{first} to {last}"
     who = ", ".join(map(str, incident.servo_ids))
-    facts = [incident.bus, *([f"servo {who}"] if who else []), when, f"{incident.count} times"]
+    facts = [
+        incident.bus,
+        *([f"servo {who}"] if who else []),
+        when,
+        counted(incident.count, "time"),
+    ]
     causes = [
         tag(
             "tr",
