@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.ground.wording import counted
 from sniffer.reports.runs import Who
 from sniffer.reports.significance import (
     ALPHA,
@@ -243,8 +244,8 @@ def _errors(
         verdict = rates(counts[0], times[0], counts[1], times[1])
         told = [{"n": int(m), "count": k} for k, m in zip(counts, times, strict=True)]
         sentence = (
-            f"{code} is told {counts[0]} times in {times[0]:.0f} frames of A, {counts[1]} times in "
-            f"{times[1]:.0f} of B"
+            f"{code} is told {counted(counts[0], 'time')} in {times[0]:.0f} frames of A, "
+            f"{counted(counts[1], 'time')} in {times[1]:.0f} of B"
         )
         if verdict is not None:
             yield _Found("error", who, code, told[0], told[1], verdict, sentence)
