@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING, Any
 
 from mcap.reader import make_reader
@@ -9,8 +10,9 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Batch, Chunk, Clock
+from sniffer.ground.model import Batch, Chunk, Clock, DamagedInputError, InputError, SnifferError
 from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import chunks
 from sniffer.messages import log_pb2, recording_pb2, servo_state_pb2
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
@@ -96,3 +98,14 @@ def heads(path: Path) -> list[Message]:
     with path.open("rb") as stream:
         records = StreamReader(stream, validate_crcs=True).records
         return [record for record in records if isinstance(record, Message)]
+
+
+def read(data: bytes) -> tuple[list[Chunk], SnifferError | None]:
+    """Return what can be read, and what was raised then."""
+    out: list[Chunk] = []
+    try:
+        for chunk in chunks(io.BytesIO(data)):
+            out.append(chunk)  # noqa: PERF402 - what comes before the error is to be kept
+    except (DamagedInputError, InputError) as error:
+        return out, error
+    return out, None

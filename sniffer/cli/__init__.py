@@ -228,7 +228,6 @@ def _with_help(error: click.ClickException) -> str:
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
 
 
-_ROWS: Final = ("--where", "--servo", "--op", "--kind", "--code", "--bus")
 _JUDGES: Final = (
     "all that was said is judged; `sniffer decode` and `sniffer stats` take rows, --from and --to "
     "a part here, too"
@@ -244,8 +243,10 @@ _NO_ROWS: Final = {
 
 def _selects_no_rows(error: click.NoSuchOption) -> str | None:
     """Return why a command has none of the options that select rows in others."""
+    from sniffer.cli.selecting import row_options
+
     name = error.ctx.command.name if error.ctx else None
-    return _NO_ROWS.get(name or "") if error.option_name in _ROWS else None
+    return _NO_ROWS.get(name or "") if error.option_name in row_options() else None
 
 
 _FILES: Final = ("csv", "parquet", "mcap", "rrd", "log", "bin", "hex")

@@ -173,6 +173,12 @@ def with_rows(command: Command) -> Command:
     return gathered(command, _ROWS, _selection)
 
 
+def row_options() -> frozenset[str]:
+    """Return what the options are called that say which records are shown."""
+    selecting = click.command()(with_rows(lambda: None))
+    return frozenset(name for option in selecting.params for name in option.opts)
+
+
 def say_selected(summary: Summary) -> None:
     """Say beside what is printed for programs that it is of a selection, and of how much."""
     if summary.shown:
