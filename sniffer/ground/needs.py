@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 from typing import Final
 
+from sniffer.ground.arrow import leave_pandas_out
 from sniffer.ground.model import OutputError
 
 _RERUN: Final = {
@@ -26,6 +27,7 @@ def need_rerun() -> None:
     """
     try:
         modules = {name: importlib.import_module(name) for name in _RERUN}
+        leave_pandas_out()
     except ImportError as error:
         raise _missing("plots need the Rerun SDK", "rerun-sdk", error) from None
     gone = [f"{m}.{n}" for m, names in _RERUN.items() for n in names if not hasattr(modules[m], n)]
@@ -38,13 +40,13 @@ def need_rerun() -> None:
 
 
 def need_pyarrow() -> None:
-    """Do nothing where tables can be made.
+    """Load pyarrow where tables can be made.
 
     Raises:
         OutputError: pyarrow is not installed.
     """
     try:
-        importlib.import_module("pyarrow")
+        leave_pandas_out()
     except ImportError as error:
         raise _missing("tables (.parquet, .csv) need pyarrow", "pyarrow", error) from None
 

@@ -24,7 +24,8 @@ NAME: Final = pa.dictionary(pa.int32(), pa.string())
 MOST: Final = 32
 """Protocols whose names are kept: more than there are in one program."""
 
-_ZEROS: Final = [pa.array(np.zeros(1 << 12, np.int32))]
+_ZEROS: Final[list[Any]] = []
+"""As many as were needed so far."""
 
 
 def always(name: str, kind: Any, metadata: dict[str, str] | None = None) -> Any:
@@ -41,8 +42,8 @@ def named(index: Any, names: Sequence[str]) -> Any:
 
 def constant(name: str, n: int) -> Any:
     """Return ``n`` rows of one name."""
-    if n > len(_ZEROS[0]):
-        _ZEROS[0] = pa.array(np.zeros(2 * n, np.int32))
+    if not _ZEROS or n > len(_ZEROS[0]):
+        _ZEROS[:] = [pa.array(np.zeros(max(2 * n, 1 << 12), np.int32))]
     _, texts = _laid_out((name,))
     # nothing but noughts: that each of them has a name need not be looked up
     return pa.DictionaryArray.from_arrays(_ZEROS[0].slice(0, n), texts, safe=False)

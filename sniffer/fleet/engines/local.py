@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ATTEMPTS: Final = 3
 """How often a capture may end its process before it is given up."""
 
-PRELOADED: Final = ("sniffer.fleet.task", "pyarrow.parquet")
+PRELOADED: Final = ("sniffer.fleet.engines.preloaded",)
 """What workers find loaded."""
 
 
