@@ -86,7 +86,7 @@ rig: $(VENV)/.dev ## real serial drivers in a virtual machine; Debian, sudo once
 	$(BIN)/python -m rig $(RIG_ARGS)
 
 fuzz: $(VENV)/.dev ## the laws, with thousands of examples each, and lists of edges walked whole
-	HYPOTHESIS_PROFILE=long $(PYTEST) -m "hypothesis or walks_a_list" $(PYTEST_ARGS)
+	HYPOTHESIS_PROFILE=long $(PYTEST) -m "hypothesis or walks_a_list or in_turn" $(PYTEST_ARGS)
 
 # Files in schemas/messages import each other as "sniffer/messages/<name>.proto".
 schemas: $(PROTOC)/.done ## regenerate sniffer/messages from schemas/messages (Python 3.11 or 3.12)

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -17,6 +18,7 @@ from sniffer.cli import run
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Chunk
+from tests.forked import CAN_FORK, server
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -64,6 +66,9 @@ def sniffer(
     before: tuple[str, ...] = (),
 ) -> Ran:
     """Run a command in a process of its own; ``before`` stands in front of its command line."""
+    begins_so = before or any(name.startswith(("PYTHON", "LC_", "LANG")) for name in env or ())
+    if CAN_FORK and not begins_so:
+        return _forked([str(a) for a in arguments], data, environment(**(env or {})))
     done = subprocess.run(
         [*before, *COMMAND, *map(str, arguments)],
         input=data,
@@ -74,6 +79,17 @@ def sniffer(
         check=False,
     )
     return Ran(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+def _forked(arguments: list[str], data: bytes | None, env: Mapping[str, str]) -> Ran:
+    with TemporaryFile() as given, TemporaryFile() as out, TemporaryFile() as err:
+        given.write(data or b"")
+        given.seek(0)
+        streams = given.fileno(), out.fileno(), err.fileno()
+        status = server().run(arguments, streams, env, 600)
+        out.seek(0)
+        err.seek(0)
+        return Ran(status, out.read().decode(), err.read().decode())
 
 
 def within(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Ran:

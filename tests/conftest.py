@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, settings
 from sniffer.wireshark import tables
 from tests.commands import talk
 from tests.hostile import Victim, recording
+from tests.lists import passed_over
 from tests.viewer import HeadlessViewer, headless
 
 if TYPE_CHECKING:
@@ -39,6 +40,16 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGQUIT") and signal.getsignal(signal.SIGQUIT) == signal.SIG_IGN:
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave cases out that are not in turn (tests/lists.py), unless they were asked for by name."""
+    if any("[" in argument for argument in config.args):
+        return
+    over = passed_over(items)
+    config.hook.pytest_deselected(items=over)
+    left_out = set(over)
+    items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from bench.diagnosis import controllers, devices
+from tests.lists import each_in_turn
 from tests.scenes import Seen, seen
 
 if TYPE_CHECKING:
@@ -233,7 +234,7 @@ def test_each_draw_is_another_setting_and_the_same_draw_the_same() -> None:
     assert len(differ) == len(drawn[0])
 
 
-@pytest.mark.parametrize("scenario", by_cause(), ids=lambda s: s.name)
+@each_in_turn(3, "scenario", by_cause(), ids=lambda s: s.name)
 def test_what_is_built_in_is_seen(scenario: Scenario) -> None:
     it = seen(scenario, 1)
     end_s = it.heard[-1].t_end_ns / 1e9

@@ -10,6 +10,7 @@ import pytest
 
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Requirement, checks
+from tests.lists import each_in_turn
 from tests.streams.members import ALL, example
 
 if TYPE_CHECKING:
@@ -38,6 +39,6 @@ HELD: Final = [
 ]
 
 
-@pytest.mark.parametrize("one", HELD)
+@each_in_turn(2, "one", HELD)
 def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()

@@ -15,18 +15,20 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.merging.merger import Merger
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, LINE_FAULTS, Fault
+from tests.lists import each_in_turn, in_turn
 from tests.streams import chunked, stream
 from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-EVERY = pytest.mark.parametrize("name", PROTOCOLS)
+EVERY = each_in_turn(2, "name", PROTOCOLS)
 
 LATENCIES: Final = ((1, 1), (4, 4), (16, 16), (1, 16), (16, 1))
 
 
-@EVERY
+@in_turn(3)
+@pytest.mark.parametrize("name", PROTOCOLS)
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 def test_on_a_good_line_every_answer_stands_behind_its_request(
     name: str, ms: tuple[int, int], record_property: Callable[[str, object], None]
@@ -43,7 +45,8 @@ LEAST: Final = {"wck": {(1, 1): 0.95, (4, 4): 0.9, (16, 16): 0.75, (1, 16): 0.65
 """Answers without a header name nobody: if one is missing, slow stamps fit a wrong one as well."""
 
 
-@EVERY
+@in_turn(3)
+@pytest.mark.parametrize("name", PROTOCOLS)
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 def test_on_a_bad_line_answers_that_name_their_servo_still_find_their_request(
     name: str, ms: tuple[int, int], record_property: Callable[[str, object], None]

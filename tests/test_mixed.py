@@ -24,6 +24,7 @@ from sniffer.simulation.buses import simulate
 from tests import dynamixel
 from tests.commands import sniffer
 from tests.dynamixel import Dynamixel1, packet, said
+from tests.lists import each_in_turn
 from tests.records import gaps, records
 from tests.streams import bursts, chunked, module, recut, stream
 
@@ -41,9 +42,9 @@ PAIRS = [("mightyzap", "rs30x"), ("lss", "mightyzap"), ("mightyzap", "wck"), ("l
 WITHIN = ("dynamixel1", "mightyzap")
 """Each frame of the second one holds one of the first."""
 
-EVERY = pytest.mark.parametrize("names", [*PAIRS, WITHIN], ids="+".join)
-ONE_OF_TWO = pytest.mark.parametrize(
-    ("names", "alone"), [(pair, one) for pair in PAIRS for one in pair], ids=str
+EVERY = each_in_turn(2, "names", [*PAIRS, WITHIN], ids="+".join)
+ONE_OF_TWO = each_in_turn(
+    3, ("names", "alone"), [(pair, one) for pair in PAIRS for one in pair], ids=str
 )
 
 FIRST = operator.itemgetter(0)

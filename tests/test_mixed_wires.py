@@ -14,6 +14,7 @@ from sniffer.merging.wires import in_order
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, simulate
 from tests.commands import Ran, records, within
+from tests.lists import each_in_turn
 from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 Capsys = pytest.CaptureFixture[str]
 
-EVERY: Final = pytest.mark.parametrize("name", PROTOCOLS)
+EVERY: Final = each_in_turn(2, "name", PROTOCOLS)
 HOST_NS: Final = 16 * MS
 
 

@@ -24,6 +24,7 @@ from sniffer.simulation.render import frame_reads, usb_reads
 from sniffer.sources import open_source
 from tests.commands import sniffer
 from tests.hosts import MS, lines, reads, truths
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 START_NS = 1_700_000_000 * NS
-EVERY = pytest.mark.parametrize("name", BUSES)
+EVERY = each_in_turn(2, "name", BUSES)
 
 
 class Judged:

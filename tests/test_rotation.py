@@ -18,6 +18,7 @@ from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.mcapfile.source import chunks, session
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
+from tests.lists import each_in_turn
 from tests.recorder import Collected
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun
@@ -160,7 +161,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("how", LIMITS)
+@each_in_turn(2, "how", LIMITS)
 def test_the_files_joined_are_the_recording_in_one_file(
     how: str, traffic: list[list[Chunk]], tmp_path: Path
 ) -> None:
@@ -186,7 +187,7 @@ def test_the_files_joined_are_the_recording_in_one_file(
             assert found[topic] == wanted[topic], topic
 
 
-@pytest.mark.parametrize("how", LIMITS)
+@each_in_turn(2, "how", LIMITS)
 def test_each_file_decodes_alone_to_what_was_recorded_in_it(
     how: str, traffic: list[list[Chunk]], tmp_path: Path
 ) -> None:

@@ -17,12 +17,13 @@ from sniffer.simulation import BUSES, LINE_FAULTS, Fault, TrueFrame, simulate
 from sniffer.simulation.captures import CAPTURES, MANUALS, VECTORS, manual, write
 from sniffer.simulation.render import candump, frame_reads, hexdump, raw, usb_reads, xxd
 from sniffer.sources import open_source
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-EVERY_BUS = pytest.mark.parametrize("name", BUSES)
+EVERY_BUS = each_in_turn(2, "name", BUSES)
 # A protocol is tested as soon as there is a decoder for it.
 EVERY_DECODED = pytest.mark.parametrize("name", [n for n in BUSES if n in PROTOCOLS])
 

@@ -12,12 +12,13 @@ from sniffer.simulation import BUSES, Fault, TrueFrame, simulate
 from sniffer.simulation.faults import FAULTS, LASTING_FAULTS, read_fault
 from sniffer.simulation.overlap import overheard
 from sniffer.simulation.respond import Responder
+from tests.lists import each_in_turn
 from tests.test_simulation import Decoded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-EVERY_BUS = pytest.mark.parametrize("name", BUSES)
+EVERY_BUS = each_in_turn(2, "name", BUSES)
 BEGINS_S: Final = 2.0
 POSITIONS: Final = ("present_position", "position")
 GOALS: Final = ("goal_position",)

@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile.source import chunks
 from tests.background import OVER_S, Job, lines_of
+from tests.forked import CAN_FORK, server
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -186,11 +187,15 @@ class Stage:
     def __post_init__(self) -> None:
         shutil.copytree(ROOT / "sample_captures", self.folder / "sample_captures")
         command = self.folder / ".bin" / "sniffer"
+        begun = self.folder / ".begun" / "sniffer"
         command.parent.mkdir()
-        command.write_text(
-            f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii"
-        )
-        command.chmod(0o755)
+        begun.parent.mkdir()
+        begun.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii")
+        begun.chmod(0o755)
+        if CAN_FORK:
+            server().install(command)
+        else:
+            shutil.copy(begun, command)
 
     def __enter__(self) -> Self:
         return self
@@ -239,7 +244,7 @@ class Stage:
             process = subprocess.Popen(
                 ["sh", "-c", line],
                 cwd=self.folder,
-                env=self._environment(),
+                env=self._environment(".begun"),  # signals are for it, not for who calls it
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=subprocess.STDOUT,
@@ -262,8 +267,8 @@ class Stage:
         self.status = done.returncode
         return lines_of(done.stdout.decode("utf-8"))
 
-    def _environment(self) -> Mapping[str, str]:
-        path = os.pathsep.join([str(self.folder / ".bin"), os.environ["PATH"]])
+    def _environment(self, programs: str = ".bin") -> Mapping[str, str]:
+        path = os.pathsep.join([str(self.folder / programs), os.environ["PATH"]])
         kept = {
             k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "NO_COLOR", "LINES")
         }

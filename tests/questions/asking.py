@@ -111,6 +111,10 @@ NAMES: Final = (
 )
 
 
+_HELP: Final[dict[tuple[str, ...], str]] = {}
+"""The help that was read already: it says the same to every question."""
+
+
 class Asker:
     """Whoever asks: takes commands from ``--help``, and runs them."""
 
@@ -120,9 +124,9 @@ class Asker:
 
     def ask(self, *command: str | Path, led_by: str = "") -> Ran:
         """Run a command that the help names, with each of its options and the words of who asks."""
-        overview = within(self._capsys, "--help").out
+        overview = self._help()
         assert f"\n  {command[0]} " in overview
-        told = " ".join(within(self._capsys, str(command[0]), "--help").out.split())
+        told = " ".join(self._help(str(command[0])).split())
         known = overview + told
         for word in command:
             if isinstance(word, str) and word.startswith("--"):
@@ -130,6 +134,11 @@ class Asker:
         for word in led_by.split():
             assert word.lower() in known.lower(), f"{command[0]} --help does not say {word!r}"
         return within(self._capsys, *command)
+
+    def _help(self, *command: str) -> str:
+        if command not in _HELP:
+            _HELP[command] = within(self._capsys, *command, "--help").out
+        return _HELP[command]
 
     def rows(self, *command: str | Path, led_by: str = "") -> Rows:
         """Return what it answers, a JSON object a line."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.lists import in_turn
 from tests.questions.asking import NAMES, Asker, Capture, sample, simulated
 
 if TYPE_CHECKING:
@@ -15,6 +16,12 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="session")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("drawn")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Ask each question of some captures, each of them one of other questions."""
+    if "capture" in getattr(item, "fixturenames", ()):
+        item.add_marker(in_turn(3))
 
 
 @pytest.fixture(params=NAMES)

@@ -1,0 +1,190 @@
+"""The command line in a process of its own that has its libraries loaded from the beginning.
+
+Loading them, and taking them apart at the end, is most of what a short command costs, and tests run
+a thousand of these. Here one process loads them once and forks for each command, which has memory,
+streams, a folder, an environment, signals and an exit status of its own, as if a shell had begun
+it. How it loads is what is not tested so: tests of that start ``python -m sniffer`` themselves, as
+those of recording do.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NoReturn, TextIO, cast
+
+import sniffer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+ROOT: Final = Path(__file__).parent.parent
+PROGRAM: Final = "sniffer.__main__"
+READY: Final = b"."
+CAN_FORK: Final = sys.platform == "linux"
+"""Elsewhere libraries have threads by then, or there is no fork."""
+
+_STREAMS: Final = 3
+_LATER: Final = ("pyarrow.parquet", "rerun.blueprint", "duckdb")
+"""What the package loads where it is needed."""
+
+CLIENT: Final = """#!{python} -ISE
+import _socket, array, json, os, sys
+line = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
+line.connect({address!r})
+told = json.dumps([sys.argv[1:], os.getcwd(), dict(os.environ)]).encode()
+fds = array.array("i", [0, 1, 2])
+line.sendmsg([len(told).to_bytes(4, "big")], [(_socket.SOL_SOCKET, _socket.SCM_RIGHTS, fds)])
+while told:
+    told = told[line.send(told):]
+status = int.from_bytes(line.recv(4), "big", signed=True)
+if status < 0:
+    os.kill(os.getpid(), -status)
+os._exit(status)
+"""
+"""A program that passes its command line, folder, environment and streams on, and ends alike."""
+
+
+class Server:
+    """The process that has everything loaded; it is gone when this one is."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="forked-")
+        self.address = str(Path(self._folder.name) / "line")
+        self._lifeline, theirs = socket.socketpair()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.forked", self.address, str(theirs.fileno())],
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
+        )
+        theirs.close()
+        atexit.register(self._end)
+        if self._lifeline.recv(1) != READY:
+            raise RuntimeError("the process that forks commands has not begun: see above")
+
+    def _end(self) -> None:
+        self._lifeline.close()
+        self._process.wait()
+        self._folder.cleanup()
+
+    def run(
+        self,
+        arguments: Sequence[str],
+        streams: tuple[int, int, int],
+        env: Mapping[str, str],
+        timeout_s: float,
+    ) -> int:
+        """Run a command in this folder, and return its status as ``subprocess`` tells it.
+
+        Raises:
+            TimeoutError: it takes longer.
+        """
+        with socket.socket(socket.AF_UNIX) as line:
+            line.settimeout(timeout_s)
+            line.connect(self.address)
+            told = json.dumps([list(arguments), str(Path.cwd()), dict(env)]).encode()
+            socket.send_fds(line, [len(told).to_bytes(4, "big")], streams)
+            line.sendall(told)
+            return int.from_bytes(line.recv(4), "big", signed=True)
+
+    def install(self, path: Path) -> None:
+        """Write a program that is the command."""
+        path.write_text(CLIENT.format(python=sys.executable, address=self.address), "ascii")
+        path.chmod(0o755)
+
+
+@functools.cache
+def server() -> Server:
+    """Return the one of this process."""
+    return Server()
+
+
+def _load() -> None:
+    """Load what commands load: all of the package, and libraries that it waits with."""
+    for module in pkgutil.walk_packages(sniffer.__path__, "sniffer."):
+        if module.name != PROGRAM:
+            importlib.import_module(module.name)
+    for name in _LATER:
+        importlib.import_module(name)
+    assert threading.active_count() == 1, "a forked process would lack the other threads"
+    gc.collect()
+    gc.freeze()  # else each process had a copy of all that is loaded, by its first collection
+
+
+def _serve(address: str, lifeline: int) -> None:
+    """Fork for each who calls, until nobody holds the other end of ``lifeline``.
+
+    Each command returns from here: it goes on as if the interpreter had just begun.
+    """
+    _load()
+    listening = socket.socket(socket.AF_UNIX)
+    listening.bind(address)
+    listening.listen(64)
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for those who wait for commands
+    os.write(lifeline, READY)
+    while lifeline not in select.select([listening.fileno(), lifeline], [], [])[0]:
+        line, _ = listening.accept()
+        if os.fork() == 0:
+            listening.close()
+            os.close(lifeline)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            _answer(line)
+            return
+        line.close()
+    os._exit(0)
+
+
+def _answer(line: socket.socket) -> None:
+    """Fork once more: one waits and tells the status, the other returns, as it was told."""
+    size, streams, _, _ = socket.recv_fds(line, 4, _STREAMS)
+    told = b""
+    while len(told) < int.from_bytes(size, "big"):
+        told += line.recv(1 << 20)
+    if pid := os.fork():
+        _wait(pid, line, (*streams, 0, 1, 2))
+    line.close()
+    arguments, folder, env = json.loads(told)
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+        os.close(stream)
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(env)
+    sys.argv[1:] = arguments
+    sys.stdin, sys.stdout = _text(0, "r"), _text(1, "w")
+    sys.stderr = _text(2, "w", buffering=1, errors="backslashreplace")
+
+
+def _text(stream: int, mode: str, buffering: int = -1, errors: str = "strict") -> TextIO:
+    return cast("TextIO", open(stream, mode, buffering, "utf-8", errors, closefd=False))
+
+
+def _wait(pid: int, line: socket.socket, streams: Sequence[int]) -> NoReturn:
+    for stream in streams:  # a pipe ends when the command does, not later
+        os.close(stream)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    with contextlib.suppress(OSError):  # who has called is gone
+        line.sendall(status.to_bytes(4, "big", signed=True))
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    _serve(sys.argv[1], int(sys.argv[2]))
+    program = importlib.import_module(PROGRAM)
+    sys.modules["__main__"] = program  # which processes that it starts look for
+    program.main()
