@@ -86,7 +86,7 @@ def _forked(arguments: list[str], data: bytes | None, env: Mapping[str, str]) ->
         given.write(data or b"")
         given.seek(0)
         streams = given.fileno(), out.fileno(), err.fileno()
-        status = server().run(arguments, streams, env, 600)
+        status = server().start(arguments, streams, env).wait(600)
         out.seek(0)
         err.seek(0)
         return Ran(status, out.read().decode(), err.read().decode())

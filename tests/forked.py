@@ -51,6 +51,7 @@ fds = array.array("i", [0, 1, 2])
 line.sendmsg([len(told).to_bytes(4, "big")], [(_socket.SOL_SOCKET, _socket.SCM_RIGHTS, fds)])
 while told:
     told = told[line.send(told):]
+line.recv(4)
 status = int.from_bytes(line.recv(4), "big", signed=True)
 if status < 0:
     os.kill(os.getpid(), -status)
@@ -82,30 +83,63 @@ class Server:
         self._process.wait()
         self._folder.cleanup()
 
-    def run(
+    def start(
         self,
         arguments: Sequence[str],
         streams: tuple[int, int, int],
         env: Mapping[str, str],
-        timeout_s: float,
-    ) -> int:
-        """Run a command in this folder, and return its status as ``subprocess`` tells it.
-
-        Raises:
-            TimeoutError: it takes longer.
-        """
-        with socket.socket(socket.AF_UNIX) as line:
-            line.settimeout(timeout_s)
-            line.connect(self.address)
-            told = json.dumps([list(arguments), str(Path.cwd()), dict(env)]).encode()
-            socket.send_fds(line, [len(told).to_bytes(4, "big")], streams)
-            line.sendall(told)
-            return int.from_bytes(line.recv(4), "big", signed=True)
+        folder: Path | None = None,
+    ) -> Process:
+        """Start a command, in this folder if no other is said."""
+        line = socket.socket(socket.AF_UNIX)
+        line.connect(self.address)
+        told = json.dumps([list(arguments), str(folder or Path.cwd()), dict(env)]).encode()
+        socket.send_fds(line, [len(told).to_bytes(4, "big")], streams)
+        line.sendall(told)
+        return Process(line)
 
     def install(self, path: Path) -> None:
         """Write a program that is the command."""
         path.write_text(CLIENT.format(python=sys.executable, address=self.address), "ascii")
         path.chmod(0o755)
+
+
+class Process:
+    """A command that runs, as ``subprocess.Popen`` has it."""
+
+    def __init__(self, line: socket.socket) -> None:
+        self._line = line
+        self.pid = int.from_bytes(line.recv(4), "big")
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return its status if it has ended."""
+        if self.returncode is None and select.select([self._line], [], [], 0)[0]:
+            self.wait()
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return its status once it has ended.
+
+        Raises:
+            TimeoutError: it takes longer, in seconds.
+        """
+        if self.returncode is None:
+            self._line.settimeout(timeout)
+            told = self._line.recv(4)
+            assert told, "who waits for the command is gone"
+            self.returncode = int.from_bytes(told, "big", signed=True)
+            self._line.close()
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """Kill it, unless it has ended."""
+        self.send_signal(signal.SIGKILL)
 
 
 @functools.cache
@@ -156,6 +190,7 @@ def _answer(line: socket.socket) -> None:
     while len(told) < int.from_bytes(size, "big"):
         told += line.recv(1 << 20)
     if pid := os.fork():
+        line.sendall(pid.to_bytes(4, "big"))
         _wait(pid, line, (*streams, 0, 1, 2))
     line.close()
     arguments, folder, env = json.loads(told)

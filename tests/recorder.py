@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from sniffer.jobs.compare import compare
 from sniffer.mcapfile.ends import ends
 from sniffer.mcapfile.source import chunks, session, tables
 from tests.commands import COMMAND, Ran, environment
+from tests.forked import CAN_FORK, server
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S, Terminal, wait
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sniffer.protocols.base import BusProtocol
+    from tests.forked import Process
 
 FrameRow = tuple[int, int, int, int, int]
 """Offset, length, end, uncertainty, direction."""
@@ -65,15 +68,26 @@ class Recorder:
         self._recordings = [folder / path for path in behind if path.suffix == ".mcap"]
         self._out, self._err = folder / "stdout.txt", folder / "stderr.txt"
         with self._out.open("wb") as out, self._err.open("wb") as err:
+            streams = out.fileno(), err.fileno() if into is None else into
+            self.process: Process | subprocess.Popen[bytes]
+            if CAN_FORK and not (before or options):
+                self.process = self._forked(told, streams, environment(**(env or {})))
+                return
             self.process = subprocess.Popen(
                 [*before, *COMMAND, "record", *told],
                 cwd=folder,
                 env=environment(**(env or {})),
                 stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err if into is None else into,
+                stdout=streams[0],
+                stderr=streams[1],
                 **options,
             )
+
+    def _forked(
+        self, told: Sequence[str], streams: tuple[int, int], env: Mapping[str, str]
+    ) -> Process:
+        with Path(os.devnull).open("rb") as nothing:
+            return server().start(["record", *told], (nothing.fileno(), *streams), env, self.folder)
 
     def __enter__(self) -> Self:
         try:
