@@ -18,7 +18,7 @@ from sniffer.cli import run
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Chunk
-from tests.forked import CAN_FORK, server
+from tests.forked import can_fork, server
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -66,8 +66,7 @@ def sniffer(
     before: tuple[str, ...] = (),
 ) -> Ran:
     """Run a command in a process of its own; ``before`` stands in front of its command line."""
-    begins_so = before or any(name.startswith(("PYTHON", "LC_", "LANG")) for name in env or ())
-    if CAN_FORK and not begins_so:
+    if can_fork(env or ()) and not before:
         return _forked([str(a) for a in arguments], data, environment(**(env or {})))
     done = subprocess.run(
         [*before, *COMMAND, *map(str, arguments)],

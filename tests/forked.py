@@ -30,13 +30,12 @@ from typing import TYPE_CHECKING, Final, NoReturn, TextIO, cast
 import sniffer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 ROOT: Final = Path(__file__).parent.parent
 PROGRAM: Final = "sniffer.__main__"
 READY: Final = b"."
-CAN_FORK: Final = sys.platform == "linux"
-"""Elsewhere libraries have threads by then, or there is no fork."""
+_AT_BEGIN: Final = ("PYTHON", "LC_", "LANG")
 
 _STREAMS: Final = 3
 _LATER: Final = ("pyarrow.parquet", "rerun.blueprint", "duckdb")
@@ -58,6 +57,15 @@ if status < 0:
 os._exit(status)
 """
 """A program that passes its command line, folder, environment and streams on, and ends alike."""
+
+
+def can_fork(env: Iterable[str] = ()) -> bool:
+    """Tell whether a command does the same if it is forked, with such variables beside ours.
+
+    Some are looked at when Python begins. And on other systems libraries have threads by then, or
+    there is no fork.
+    """
+    return sys.platform == "linux" and not any(name.startswith(_AT_BEGIN) for name in env)
 
 
 class Server:

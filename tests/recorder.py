@@ -18,7 +18,7 @@ from sniffer.jobs.compare import compare
 from sniffer.mcapfile.ends import ends
 from sniffer.mcapfile.source import chunks, session, tables
 from tests.commands import COMMAND, Ran, environment
-from tests.forked import CAN_FORK, server
+from tests.forked import can_fork, server
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S, Terminal, wait
 
@@ -70,7 +70,7 @@ class Recorder:
         with self._out.open("wb") as out, self._err.open("wb") as err:
             streams = out.fileno(), err.fileno() if into is None else into
             self.process: Process | subprocess.Popen[bytes]
-            if CAN_FORK and not (before or options):
+            if can_fork(env or ()) and not (before or options):
                 self.process = self._forked(told, streams, environment(**(env or {})))
                 return
             self.process = subprocess.Popen(

@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile.source import chunks
 from tests.background import OVER_S, Job, lines_of
-from tests.forked import CAN_FORK, server
+from tests.forked import can_fork, server
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -192,7 +192,7 @@ class Stage:
         begun.parent.mkdir()
         begun.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii")
         begun.chmod(0o755)
-        if CAN_FORK:
+        if can_fork():
             server().install(command)
         else:
             shutil.copy(begun, command)
