@@ -365,6 +365,13 @@ def test_only_a_part_is_counted_where_one_is_asked_for(stats: Counting) -> None:
     assert "--to must lie behind --from" in done.err
 
 
+def test_of_a_part_in_which_nothing_was_said_not_even_a_head_is_printed(stats: Counting) -> None:
+    for form in ("text", "json", "csv"):
+        done = stats.says(CAPTURES / "wck_clean.log", "--from", "99", "--format", form)
+        assert (done.status, done.out) == (2, "")
+        assert "nothing was said from second 99 to its end" in done.err
+
+
 def test_a_file_that_is_not_there_is_a_line(stats: Counting) -> None:
     done = stats.says("nowhere.mcap")
     assert done.status == 2

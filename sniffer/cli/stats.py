@@ -92,11 +92,9 @@ def stats(
     counted).
     """
     table = csv.DictWriter(sys.stdout, COLUMNS, lineterminator="\n")
-    if output_format == "csv":
-        table.writeheader()
     status = DONE
     captures = captures_in(files, together=together)
-    for capture in captures:
+    for number, capture in enumerate(captures):
         with patient() as patience:
             done = count(
                 capture,
@@ -115,6 +113,8 @@ def stats(
         if output_format == "json":
             click.echo(json.dumps(figures))
         elif output_format == "csv":
+            if number == 0:
+                table.writeheader()
             table.writerows(rows(figures))
         else:
             from sniffer.sinks.stats import MOST, print_stats
