@@ -316,3 +316,13 @@ def test_the_sample_captures_are_those_that_the_program_writes(tmp_path: Path) -
     kept = VECTORS.parents[1] / "sample_captures"
     made = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
     assert {p.name: p.read_bytes() for p in kept.iterdir() if p.name in made} == made
+
+
+@pytest.mark.parametrize("name", ["mightyzap", "rs30x"])
+def test_the_supply_of_many_servos_holds_as_that_of_few_does(name: str) -> None:
+    least = []
+    for count in (3, 20):
+        frames = simulate(name, seed=2, servo_ids=range(1, count + 1), duration_s=4)
+        volts = [raw for f in frames for _, what, raw in f.values if what == "present_voltage"]
+        least.append(min(volts))
+    assert least[1] > 0.75 * least[0]

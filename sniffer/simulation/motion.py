@@ -24,6 +24,9 @@ simulation."""
 STIFFNESS: Final = 12.0
 """Part of the stall load with which a joint that is held fast pushes, for each travel of error."""
 
+SERVED: Final = 8
+"""Joints that one pair of supply wires feeds; more of them have more wires."""
+
 DROOP: Final = 0.06
 """Part of the travel by which a joint gives way under all of the stall load."""
 
@@ -166,7 +169,7 @@ class Rig:
         self.joints = joints
         self.voltage = self._supply_v = supply_v
         self.now_s = 0.0
-        self._ohm = ohm
+        self._ohm = ohm * min(1.0, SERVED / max(len(joints), 1))
 
     def feed(self, supply_v: float) -> None:
         """Take another supply."""
