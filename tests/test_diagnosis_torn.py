@@ -1,0 +1,74 @@
+"""What torn frames are taken for, and are not: a line that falls, limits that a servo was given."""
+
+from __future__ import annotations
+
+import random
+
+from tests.conversations import Conversation
+from tests.diagnosed import codes, verdicts
+from tests.streams import rs30x
+
+STATE = (0x2A, 18)
+"""Position, time, speed, current, temperature and voltage, and six zeros behind them."""
+
+
+def hit(rng: random.Random, data: bytes, share: float) -> bytes:
+    """Return bytes of which a share has lost or gained a bit."""
+    return bytes(b ^ (1 << rng.randrange(8)) if rng.random() < share else b for b in data)
+
+
+def polled(torn_while_moving: float) -> Conversation:
+    """Twelve servos, goals and states; they move every second second, and sparks tear then."""
+    talk, rng = Conversation("rs30x"), random.Random(11)
+    for cycle in range(240):
+        talk.until(cycle / 30)
+        moves = int(talk.now_s) % 2
+        share = torn_while_moving if moves else 0.0
+        for servo in range(1, 13):
+            place = (cycle % 30) * 20 if moves else 0
+            talk.say(hit(rng, rs30x.write(servo, 0x1E, place.to_bytes(2, "little")), share))
+            talk.rest(0.2)
+            request = rs30x.packet(servo, 0x09, 0, 0, 1)
+            asked = hit(rng, request, share)
+            talk.say(asked)
+            current = (300 if moves else 20).to_bytes(2, "little")
+            state = place.to_bytes(2, "little") + bytes([0, 0, 40 * moves, 0]) + current
+            state += bytes([30, 0, 0xDC, 2]) + bytes(6)
+            if asked == request:
+                talk.rest(0.3)
+                talk.say(hit(rng, rs30x.returned(servo, STATE[0], state), share))
+            talk.rest(0.4)
+    return talk
+
+
+def test_the_zeros_of_torn_states_are_no_falls_of_a_line() -> None:
+    told = polled(0.03).diagnosed()
+    assert "line-babbles" not in codes(told)
+    assert verdicts(told.incidents())[0] == ("emi-load", ())
+
+
+def limited(*, torn: int, writes: int) -> set[str]:
+    """Return what is found where a servo is told its limits so many times, beside torn requests."""
+    talk, rng = Conversation("rs30x"), random.Random(5)
+    limits = (200).to_bytes(2, "little") + (-200).to_bytes(2, "little", signed=True)
+    for cycle in range(200):
+        talk.until(cycle / 20)
+        for servo in (1, 2):
+            talk.send(servo, 0.5 + 0.3 * (cycle % 40) / 40)
+            talk.read(servo, 0.5 + 0.3 * (cycle % 40) / 40)
+        if cycle % 10 == 5 and cycle < 10 * torn:
+            request = bytearray(talk.tongue.ask(2))
+            request[rng.randrange(2, 7)] ^= 0x24
+            talk.write(bytes(request))
+            talk.rest(20)
+        if cycle % 10 == 7 and cycle < 10 * writes:
+            talk.write(rs30x.write(1, 0x08, limits))
+    return codes(talk.diagnosed())
+
+
+def test_limits_that_one_frame_writes_among_torn_ones_may_be_torn_themselves() -> None:
+    assert "goal-beyond-limits" not in limited(torn=8, writes=1)
+
+
+def test_limits_count_where_nothing_is_torn() -> None:
+    assert "goal-beyond-limits" in limited(torn=0, writes=1)
