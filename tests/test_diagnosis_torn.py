@@ -72,3 +72,23 @@ def test_limits_that_one_frame_writes_among_torn_ones_may_be_torn_themselves() -
 
 def test_limits_count_where_nothing_is_torn() -> None:
     assert "goal-beyond-limits" in limited(torn=0, writes=1)
+
+
+def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_together() -> None:
+    """What begins as one request and ends as another is longer than both: nobody spoke at once."""
+    rng = random.Random(8)
+    talk = Conversation("rs30x")
+    for cycle in range(300):
+        talk.until(cycle / 40)
+        said = [talk.tongue.ask(1), talk.tongue.answer(1, 0.4), talk.tongue.ask(2)]
+        if cycle % 12 == 6:  # from within the first one to within the last
+            data = bytearray(b"".join(said))
+            data[5:-3] = rng.randbytes(len(data) - 8)
+            talk.say(bytes(data))
+        else:
+            for data in said:
+                talk.say(data)
+                talk.rest(0.3)
+            talk.say(talk.tongue.answer(2, 0.6))
+        talk.read(3, 0.5)
+    assert "requests-run-together" not in codes(talk.diagnosed())
