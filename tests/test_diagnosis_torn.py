@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+
+import pytest
 
 from tests.conversations import Conversation
 from tests.diagnosed import codes, verdicts
-from tests.streams import rs30x
+from tests.streams import rs30x, wck
 
 STATE = (0x2A, 18)
 """Position, time, speed, current, temperature and voltage, and six zeros behind them."""
@@ -82,9 +85,8 @@ def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_t
         talk.until(cycle / 40)
         said = [talk.tongue.ask(1), talk.tongue.answer(1, 0.4), talk.tongue.ask(2)]
         if cycle % 12 == 6:  # from within the first one to within the last
-            data = bytearray(b"".join(said))
-            data[5:-3] = rng.randbytes(len(data) - 8)
-            talk.say(bytes(data))
+            row = b"".join(said)
+            talk.say(row[:5] + rng.randbytes(len(row) - 8) + row[-3:])
         else:
             for data in said:
                 talk.say(data)
@@ -92,3 +94,57 @@ def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_t
             talk.say(talk.tongue.answer(2, 0.6))
         talk.read(3, 0.5)
     assert "requests-run-together" not in codes(talk.diagnosed())
+
+
+def test_a_torn_request_that_its_check_lets_pass_is_no_question_that_is_refused() -> None:
+    """WCK's sums have seven bits: a read (5 << 5 and the id) without its eighth bit is a move."""
+    talk, torn = Conversation("wck"), wck.command(1 << 5 | 15, 0)
+    for cycle in range(400):
+        talk.until(cycle / 40)
+        for servo in (3, 15):
+            talk.read(servo, 0.5)
+        if cycle in (120, 300):
+            talk.write(torn)
+            talk.rest(6)
+        elif cycle % 4 == 3:
+            talk.write(wck.command(5 << 5 | 3, 0)[:-1] + b"\x5a")
+            talk.rest(6)
+    told = talk.diagnosed()
+    assert "one-question-unanswered" not in codes(told)
+    assert "servo-refuses" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+def test_who_is_asked_three_things_in_one_go_mostly_loses_the_first_and_refuses_none() -> None:
+    """Whatever opens a contact does so between the cycles, for most of the time is there."""
+    rng = random.Random(2)
+    talk, closed_s, open_s = Conversation("rs30x"), 0.0, 0.5
+    for cycle in range(120):
+        talk.until(cycle / 10)
+        for servo, question in itertools.product((1, 2, 3), (0x2A, 0x30, 0x34)):
+            if talk.now_s > open_s:
+                closed_s = open_s + rng.uniform(0.01, 0.1)
+                open_s = closed_s + rng.uniform(0.3, 0.8)
+            talk.say(rs30x.packet(servo, 0x0F, question, 2, 0))
+            if servo == 2 and talk.now_s < closed_s:
+                talk.rest(6)
+                continue
+            talk.rest(0.3)
+            talk.say(rs30x.returned(servo, question, bytes([40, 0])))
+            talk.rest(0.3)
+    told = talk.diagnosed()
+    assert "one-question-unanswered" not in codes(told)
+    assert "servo-refuses" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+@pytest.mark.parametrize("away", [0.8, 0.4])
+def test_one_servo_alone_that_is_away_evenly_restarts_however_long_it_is_away(away: float) -> None:
+    talk = Conversation("mightyzap")
+    while talk.now_s < 16:
+        talk.rest(12)
+        if talk.now_s % 1.0 < away:
+            talk.ask_in_vain(2, 8)
+        else:
+            talk.read(2, 0.5)
+    told = talk.diagnosed()
+    assert "away-again-and-again" in codes(told)
+    assert verdicts(told.incidents()) == [("servo-reset-loop", (2,))]
