@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import itertools
 import random
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import Conversation
+from tests.conversations import Conversation, robot
 from tests.diagnosed import codes, verdicts
 from tests.streams import rs30x, wck
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 STATE = (0x2A, 18)
 """Position, time, speed, current, temperature and voltage, and six zeros behind them."""
@@ -148,3 +153,35 @@ def test_one_servo_alone_that_is_away_evenly_restarts_however_long_it_is_away(aw
     told = talk.diagnosed()
     assert "away-again-and-again" in codes(told)
     assert verdicts(told.incidents()) == [("servo-reset-loop", (2,))]
+
+
+def lines(tear: Callable[[random.Random, bytes], bytes]) -> set[str]:
+    """Return what is found where one of forty lines of an LSS bus is torn so."""
+    rng, talk = random.Random(9), robot("lss", 6, servos=(1, 2, 3, 4), rate_hz=25)
+    torn = [replace(c, data=tear(rng, c.data)) if rng.random() < 0.025 else c for c in talk.chunks]
+    return codes(talk.diagnosed(torn))
+
+
+def without_some(rng: random.Random, line: bytes) -> bytes:
+    """Lose one to three signs of a line."""
+    at = rng.randrange(len(line))
+    return line[:at] + line[at + rng.randint(1, 3) :]
+
+
+def test_torn_lines_of_both_sides_in_which_every_sign_is_sound_lost_what_they_lack() -> None:
+    assert "pieces-complete" in lines(without_some)
+
+
+def test_torn_lines_with_signs_that_no_line_has_were_altered() -> None:
+    def flip(rng: random.Random, line: bytes) -> bytes:
+        at = rng.randrange(len(line))
+        return line[:at] + bytes([line[at] ^ 1 << rng.randrange(8)]) + line[at + 1 :]
+
+    assert "pieces-complete" not in lines(flip)
+
+
+def test_lines_of_one_side_that_lack_their_first_signs_are_no_loss_of_the_tap() -> None:
+    def cut(rng: random.Random, line: bytes) -> bytes:
+        return line[rng.randint(1, 2) :] if line.startswith(b"*") else line
+
+    assert "pieces-complete" not in lines(cut)
