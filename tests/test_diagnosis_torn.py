@@ -163,8 +163,8 @@ def lines(tear: Callable[[random.Random, bytes], bytes]) -> set[str]:
 
 
 def without_some(rng: random.Random, line: bytes) -> bytes:
-    """Lose one to three signs of a line."""
-    at = rng.randrange(len(line))
+    """Lose one to three signs within a line, or its last ones."""
+    at = rng.randrange(2, len(line))
     return line[:at] + line[at + rng.randint(1, 3) :]
 
 
