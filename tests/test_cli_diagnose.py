@@ -108,6 +108,27 @@ def test_several_incidents_are_told_in_short_before_each_is_told_at_length(
     assert first == f"{len(each)} incidents: {', '.join(each)}"
 
 
+def test_what_is_to_be_mended_stands_before_what_is_only_worth_knowing(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    """A line that is full from the beginning is a note; the servo that dies later comes first."""
+    talk = Conversation("rs30x")
+    while talk.now_s < 10:
+        for servo in (1, 2):
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.12)
+            if servo == 1 or talk.now_s < 7:
+                talk.say(talk.tongue.answer(servo, 0.5))
+            talk.rest(0.05 if servo == 1 or talk.now_s < 7 else 6)
+    path = said(tmp_path / "full.log", talk)
+    told = diagnose.told(path, "--baud", "115200")["incidents"]
+    assert [i["causes"][0]["cause"] for i in told] == ["bus-saturated", "servo-dead"]
+    head, _, story, *rest = diagnose.says(path, "--baud", "115200").out.splitlines()
+    assert re.search(r"^2 incidents: 2 servo-dead of servo 2 .*, 1 bus-saturated", head)
+    assert story.startswith("2  ")
+    assert any(line.startswith("1  ") for line in rest)
+
+
 def few_lost(path: Path) -> Path:
     """Write a log in which servos 1 and 3 lose one answer each."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -13,6 +14,8 @@ from tests.servos import finding, heard, lss, polled
 from tests.streams import rs30x, wck
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sniffer.diagnosis import Diagnosis
 
 HANGS = {"joint-limp", "joint-stalled", "joint-not-following", "joint-limp-after-restart"}
@@ -44,6 +47,33 @@ def test_a_joint_that_stays_where_it_is_with_an_idle_motor_hangs_limp() -> None:
 def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
     d = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 900))
     assert verdicts(d.incidents()) == [("stall", (5,))]
+
+
+def loaded(load: Callable[[float], float]) -> Diagnosis:
+    """Return the diagnosis of a wCK joint that stands, under goals that swing, with a raw load."""
+    talk = Conversation("wck")
+    for cycle in range(300):
+        talk.until(cycle / 25)
+        goal = 127 + round(60 * math.sin(1.2 * talk.now_s))
+        state = bytes([round(load(abs(goal - 127) / 60)), 127])
+        for request in (wck.command(1 << 5 | 4, goal), wck.command(5 << 5 | 4, 0)):
+            talk.say(request)
+            talk.rest(0.4)
+            talk.say(state)
+            talk.rest(0.4)
+    return talk.diagnosed()
+
+
+def test_a_joint_that_pushes_the_harder_the_further_its_goal_is_is_blocked() -> None:
+    """A motor that is off does not know where its goal is, however its load is counted."""
+    told = loaded(lambda off: 20 + 75 * off)
+    assert "joint-stalled" in codes(told)
+    assert verdicts(told.incidents()) == [("stall", (4,))]
+
+
+def test_a_load_that_does_not_go_with_the_goals_is_no_push() -> None:
+    rng = random.Random(4)
+    assert "joint-stalled" not in codes(loaded(lambda _: rng.uniform(40, 95)))
 
 
 def test_a_joint_without_measured_load_only_does_not_follow() -> None:

@@ -205,3 +205,14 @@ def test_a_clock_that_is_set_while_damage_is_heard_costs_no_memory() -> None:
         heard.append(replace(chunk, data=bytes(data), t_ns=unset))
     told = robot("mightyzap", 1).diagnosed(heard)
     assert told.incidents()
+
+
+def test_a_line_that_falls_all_the_time_is_not_full() -> None:
+    rng = random.Random(4)
+    talk = robot("rs30x", 4)
+    while talk.now_s < 14:
+        talk.say(bytes([0xFF << rng.randrange(1, 8) & 0xFF]))
+        talk.rest(rng.uniform(0, 0.02))
+        if rng.random() < 0.005:
+            talk.say(talk.tongue.ask(1))
+    assert "bus-full" not in codes(talk.diagnosed())

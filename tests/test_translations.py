@@ -157,6 +157,21 @@ def test_noise_on_a_bus_that_never_says_some_values_leaves_them_unsaid() -> None
     assert translated(bytes(data), PROTOCOLS["mightyzap"]) is None
 
 
+def test_one_command_that_is_always_sent_wrong_was_not_altered() -> None:
+    """It lacks two bytes, and would hold with two of 0D, which is never said here."""
+    talk = Conversation("rs30x")
+    for cycle in range(180):
+        talk.until(cycle / 30)
+        for servo in (1, 2):
+            talk.read(servo, 0.5 + 0.03 * (cycle % 4))
+        if cycle % 6 == 0:
+            talk.write(bytes.fromhex("FAAF00001E0302060000061F"))
+    assert b"\x0d" not in b"".join(chunk.data for chunk in talk.chunks)
+    told = talk.diagnosed(one_wire(talk))
+    assert "bytes-translated" not in codes(told)
+    assert verdicts(told.incidents()) == [("malformed-command", ())]
+
+
 @pytest.mark.parametrize("told", ["written as text in UTF-8", "all bits of each byte"])
 def test_who_cannot_tell_the_protocol_says_what_was_done_to_the_bytes(
     told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -47,6 +47,10 @@ six does by chance: a sum of eight bits, fifteen values, up to three of one."""
 
 LEAST_MENDED: Final = 5
 
+DIFFERENT: Final = 3
+"""So many different frames must hold: one that a controller sends wrong time and again holds by
+chance as often as it comes, or never."""
+
 MOST_MISSING: Final = 3
 """Bytes of one value that are put back into one frame at most. It is one fewer where the frame is
 long, or several values may be meant: so many tries would hold by chance."""
@@ -312,7 +316,7 @@ def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
     for what, told, tries in ways:
         good = {got for got, own in zip(common, tries, strict=True) if _holds(protocol, own)}
         mended = sum(counts[got] for got in good)
-        if mended >= max(LEAST_MENDED, MENDED * of):
+        if len(good) >= DIFFERENT and mended >= max(LEAST_MENDED, MENDED * of):
             at = tuple((at, len(got)) for at, got in torn if got in good)[:3]
             shown = f"{mended} of {of} torn frames {told}, which is never seen"
             return Translated(what, shown, at)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
 from sniffer.diagnosis.model import Ranked, Reason
+from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NEVER_NS, NS
 
@@ -56,9 +57,6 @@ ITS_OWN: Final = "damage-one-servo"
 
 TOGETHER_NS: Final = NS
 """One cause that befalls several servos within this time is one incident."""
-
-OMITTED: Final = "torque-never-on"
-"""What a program leaves out for several servos is one mistake, whenever each of them is to move."""
 
 
 class Weighed(NamedTuple):
@@ -232,7 +230,7 @@ def _joined(found: list[Explained]) -> list[Explained]:
                 and CAUSES[cause].of == SERVO
                 and (
                     abs(min(f.first_ns for f in other.findings) - first) <= TOGETHER_NS
-                    or (_has(one, OMITTED) and _has(other, OMITTED))
+                    or (_omits(one) and _omits(other))
                 )
             ),
             None,
@@ -248,8 +246,9 @@ def _joined(found: list[Explained]) -> list[Explained]:
     return out
 
 
-def _has(one: Explained, code: str) -> bool:
-    return any(f.code == code for f in one.findings)
+def _omits(one: Explained) -> bool:
+    """Tell whether a program left something out, by a finding that is declared to say so."""
+    return any(f.code in FINDINGS and FINDINGS[f.code].is_omission for f in one.findings)
 
 
 def _order(cause: Cause) -> int:

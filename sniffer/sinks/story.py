@@ -10,7 +10,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.ground.model import NS, SnifferError
+from sniffer.ground.model import NS, Severity, SnifferError
 from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
@@ -39,9 +39,11 @@ def print_incidents(
 ) -> None:
     """Print incidents: what happened, why, what speaks against the second cause, what to do.
 
+    What is to be mended comes first, what is only worth knowing behind it, each by its beginning.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
     """
     console = console or Console(highlight=False)
+    incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
     if len(incidents) > 1:  # whoever reads the first screen alone knows what stands below it
         _hang(console, f"{len(incidents)} incidents: ", [Text(_in_short(incidents))])
         console.print()

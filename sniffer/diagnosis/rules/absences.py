@@ -12,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.exchanges import FIRST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.forms import may_be_torn
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NEVER_NS, NS
 
@@ -217,6 +218,10 @@ def one_question(case: Case) -> Iterator[Finding]:
         most = SELDOM_IN_VAIN if _in_vain(exchanges.failed, servo, runs) else SELDOM
         if times < SAME_QUESTION * len(runs) or share > most or chance > CHANCE:
             continue
+        if may_be_torn(case, int(exchanges.kinds.n[kind])):
+            continue  # nobody asked that: another request was torn, and the check lets it pass
+        if _comes_first(case, servo, kind) and _loses_others(exchanges.failed, servo, kind):
+            continue
         kinds = exchanges.kinds
         which = (
             f"{case.protocol.op_name(kinds.op[kind])} ({kinds.example[kind][:16].hex(' ').upper()})"
@@ -234,6 +239,27 @@ def one_question(case: Case) -> Iterator[Finding]:
         )
         brief = f"servo {servo} answers all but {which}"
         yield replace(told, places=places, brief=brief)
+
+
+def _comes_first(case: Case, servo: int, kind: int) -> bool:
+    """Tell whether most of the time between the requests to a servo is over before one of them.
+
+    Where it is asked several things in one go, whatever begins between begins with the first.
+    """
+    mine = np.flatnonzero(np.array(case.ledger.exchanges.kinds.servo_id, np.int64) == servo)
+    before = total = 0
+    for t, kinds in case.ledger.exchanges.moments.stretches():
+        to_it = np.isin(kinds, mine)
+        rest = np.diff(t[to_it])
+        total += int(rest.sum())
+        before += int(rest[kinds[to_it][1:] == kind].sum())
+    return before > SELDOM_IN_VAIN * total
+
+
+def _loses_others(failed: Sequence[Failed], servo: int, kind: int) -> bool:
+    """Tell whether other questions are left unanswered as well: then it is not that one."""
+    lost = [f.kind for f in failed if f.servo_id == servo]
+    return lost.count(kind) < SAME_QUESTION * len(lost)
 
 
 def _in_vain(failed: Sequence[Failed], servo: int, runs: Sequence[Silence]) -> bool:

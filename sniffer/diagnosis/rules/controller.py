@@ -164,6 +164,9 @@ def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float] | Non
         if not all(len(rows) for rows in found):
             continue
         values = []
+        written = {at for rows in found for at in rows.at[rows.written == 1].tolist()}
+        if written and may_be_torn(case, len(written)):
+            continue  # an answer is to the question; a write may be any frame, torn and held
         for rows in found:
             for number, raw in zip(rows.what.tolist(), rows.after.tolist(), strict=True):
                 register = case.protocol.registers[number]

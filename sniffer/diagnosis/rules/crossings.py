@@ -150,7 +150,8 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
     ended = [b for b in seconds if alike(back, b[::-1]) >= TAIL - (len(b) <= SHORT)]
     return any(
         b != a
-        and d.length not in (len(a), len(b), len(a) + len(b))
+        and d.length not in (len(a), len(b))
+        and d.length < len(a) + len(b)  # longer than both in a row there is something between
         and alike(back, a[::-1]) < alike(back, b[::-1])
         for a in begun
         for b in ended

@@ -165,7 +165,7 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     torn = [d for d in case.damages if d.got and d.turn != HELD]
     at = np.searchsorted(line["bucket"], np.array([d.t_ns // BUCKET_NS for d in torn], np.int64))
     at = np.minimum(at, count - 1)
-    short = [sum(byte in FALLS for byte in d.got) * d.length / len(d.got) for d in torn]
+    short = [_more_falls(d) * d.length / len(d.got) for d in torn]
     np.add.at(falls, at, short)
     if not (frames > 0).any():
         return (), ""
@@ -181,6 +181,16 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     rows = [d for d, k in zip(torn, at.tolist(), strict=True) if full[k]]
     per_s = falls[full].mean() * NS / BUCKET_NS
     return rows, f"{per_s:.0f} a second in {full.sum()} quarters of a second, and few frames there"
+
+
+def _more_falls(d: Damage) -> int:
+    """Return how many short falls stand in a place beyond those that are bytes of a frame.
+
+    Frames have 00 and FF of their own, packets of goals and states by the dozen: a torn one is not
+    a line that falls.
+    """
+    falls, own = (sum(byte in FALLS for byte in data) for data in (d.got, d.expected))
+    return max(falls - own, 0)
 
 
 def _ones(d: Damage) -> float:

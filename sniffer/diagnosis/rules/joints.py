@@ -28,7 +28,7 @@ FINDINGS: Final = (
         "joint-stalled",
         "device",
         "A joint is far from its goal, does not come nearer, and its motor pushes.",
-        "For a second or longer: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus.",
+        "For a second or longer: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error.",
     ),
     FindingCode(
         "joint-limp",
@@ -90,6 +90,13 @@ ENOUGH_NS: Final = 2 * NS
 
 PUSHES: Final = 3
 """Quarter seconds for which a motor pushes before it gives up: less is a start, or a hard stop."""
+
+ALONG: Final = 4
+TOGETHER: Final = 0.8
+HARDER: Final = 2.0
+"""Quarter seconds in which a motor's effort is held against how far its goal is, the correlation
+from which it goes with that, and how many times as hard it works where the goal is far as where it
+is near, or as usual."""
 
 WELL: Final = 1.5
 """How many times as far off as what counts as far: a joint that bears too much gives way a little."""
@@ -188,13 +195,31 @@ def _kind(case: Case, one: JointTrack, away: Away) -> str:
     if steady >= motor.pushes_from or peaks >= HARD * motor.pushes_from:
         return "joint-stalled"
     if not peaks <= motor.idles_to:
-        return "joint-not-following"
+        return "joint-stalled" if _pulls_by_error(one, motor, away) else "joint-not-following"
     alarms = case.anomalies(*ALARMS, servo_id=one.servo_id).t_ns
     if _since(one, away, np.concatenate([alarms, hot_times(case, one.servo_id)])):
         return "joint-limp-after-alarm"
     back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]
     begun = np.array([*back, *case.order_times(one.servo_id, RESTARTS).tolist()], np.int64)
     return "joint-limp-after-restart" if _since(one, away, begun) else "joint-limp"
+
+
+def _pulls_by_error(one: JointTrack, motor: Effort, away: Away) -> bool:
+    """Tell whether a motor works the harder the further its goal is: one that is off does not."""
+    p, s = one.position, motor.series
+    rows = np.flatnonzero((p.t >= away.first_ns) & (p.t_first <= away.last_ns))
+    at = np.minimum(np.searchsorted(s.bucket, p.bucket[rows]), len(s) - 1)
+    both = s.bucket[at] == p.bucket[rows]
+    rows, worked = rows[both], motor.steady[at[both]]
+    if len(rows) < ALONG:
+        return False
+    low, high = in_force(one.goal, p.t_first[rows], p.t[rows])
+    off = np.abs((low + high) / 2 - p.last[rows])
+    least, most = np.quantile(worked, [0.1, 0.9])
+    least = min(least, float(np.median(motor.steady)))
+    if not off.std() or most < max(HARDER * least, motor.idles_to):
+        return False
+    return float(np.corrcoef(off, worked)[0, 1]) >= TOGETHER
 
 
 def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> bool:

@@ -187,7 +187,7 @@ def _beyond(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
     more = hits - usual
     together = float((level * more).sum())
     clipped = np.minimum(more, np.quantile(more, CLIPPED + 0.02))
-    if not clipped.std():
+    if not clipped.std() or not level.std():
         return 0.0, 0.0, 0.0
     correlated = float(np.corrcoef(level, clipped)[0, 1]) * math.sqrt(len(level) - 1)
     counted = together / math.sqrt(max(float((usual * level**2).sum()), 1e-9))

@@ -76,6 +76,9 @@ ENOUGH: Final = 5
 LOOKS: Final = 3
 """Quarters of a second in which an id is asked for that is not just looked for."""
 
+TOGETHER: Final = 4
+"""So many times fewer stretches of losses than single ones make are no chance, however much is lost."""
+
 AGAIN: Final = 3
 """Silences that are a habit."""
 
@@ -208,7 +211,8 @@ def _outages(case: Case, servo: int) -> list[Silence]:
     several = lengths[1] + lengths[2]
     if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
         return [s for s in kept.runs(servo) if s.missed > 1]
-    if lengths[2] > CHANCE * runs * share**2:
+    by_chance = asked * share * (1 - share)  # stretches, if each request were lost by itself
+    if lengths[2] > CHANCE * runs * share**2 or (lengths[2] and TOGETHER * runs < by_chance):
         return [s for s in kept.of(servo) if s.back_ns is not None]
     return []
 

@@ -12,13 +12,13 @@ from sniffer.decoding.holding import held
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, is_altered
-from sniffer.diagnosis.damage import HELD, IN_REPLY, REST
+from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.losses import only_at_the_turn
 from sniffer.diagnosis.twins import torn_answers
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -31,7 +31,7 @@ FINDINGS: Final = (
         "tap",
         "Pieces of frames become sound ones when the beginning that is missing is put before them: "
         "nothing in them is altered.",
-        "Bytes of no frame that hold behind the beginning of a frame known here, lacking now these, now those bytes; requests among them; more than the checksum lets by by chance. Answers of a servo that is hit far more than others are left out.",
+        "Bytes of no frame that hold behind the beginning of a frame known here, lacking now these, now those bytes; requests among them; more than the checksum lets by by chance. Of lines of text without one: torn lines of both sides in which every sign is one that sound lines have. Answers of a servo that is hit far more than others are left out.",
     ),
 )
 
@@ -136,6 +136,28 @@ def _line_ends(
     if len(pure) >= LEAST and chance <= SOME:
         what = f"{len(pure)} of {len(short)} short pieces are the ends of lines, in sound signs"
         yield _told(pure, what, chance)
+        return
+    yield from _lines_unaltered(case, torn, signs)
+
+
+def _lines_unaltered(case: Case, torn: Sequence[Damage], signs: Set[int]) -> Iterator[Finding]:
+    """Yield that torn lines of all senders lack signs, and have none that is not said elsewhere.
+
+    A bit more or less makes another sign of a digit or a letter, or of the end of a line, and most of
+    those stand in no line; a turn takes them from answers alone, and a driver from requests.
+    """
+    pure = [d for d in torn if set(d.got) <= signs]
+    asked = [d for d in pure if d.turn == IN_REQUEST]
+    chance = at_least(len(pure), len(torn), BY_NOISE)
+    if len(pure) < LEAST or chance > SOME or not max(1, REQUESTS * len(pure)) <= len(asked):
+        return
+    if len(asked) == len(pure) or only_at_the_turn(case, asked):
+        return
+    what = (
+        f"{len(pure)} of {len(torn)} torn lines ({len(asked)} of requests) lack signs, and every "
+        "sign that is left is one that lines have"
+    )
+    yield _told(pure, what, chance)
 
 
 def _told(shown: Sequence[Damage], what: str, chance: float) -> Finding:

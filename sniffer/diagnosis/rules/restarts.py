@@ -41,6 +41,7 @@ FINDINGS: Final = (
         "device",
         "Nobody switches the torque of a servo on that has it off after power-on, and its joint stands still.",
         "Goals, none of which its joint follows, from the first look to the last; by the manual its torque is off after power-on, and no request here switches it on; no joint moves, or another one's torque was switched on here.",
+        is_omission=True,
     ),
     FindingCode(
         "goals-without-torque",

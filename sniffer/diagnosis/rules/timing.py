@@ -56,7 +56,7 @@ FINDINGS: Final = (
         "bus-full",
         "timing",
         "The line has no time left: bytes are on it nearly all the time.",
-        "Bytes times the byte time, as a share of the time in each quarter second; at a rate that "
+        "Bytes of frames times the byte time, as a share of the time in each quarter second; at a rate that "
         "was stated or that the stamps tell.",
     ),
     FindingCode(
@@ -315,7 +315,10 @@ def bus_full(case: Case) -> Iterator[Finding]:
     line = case.line
     # The buckets that are joined, or that the capture only begins or ends in, are no quarter seconds.
     whole = np.flatnonzero(np.diff(line["bucket"], append=line["bucket"][-1:]) == 1)[1:]
-    busy = line["bytes"][whole] * byte_time_ns(case.baud) / BUCKET_NS
+    said = (
+        line["bytes"][whole] - line["gap_bytes"][whole]
+    )  # what is no frame keeps no time from one
+    busy = said * byte_time_ns(case.baud) / BUCKET_NS
     full: Mask = busy >= FULL
     if full.sum() * BUCKET_NS < FULL_NS or 2 * full.sum() < len(whole):
         return

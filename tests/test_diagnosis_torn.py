@@ -1,0 +1,187 @@
+"""What torn frames are taken for, and are not: a line that falls, limits that a servo was given."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.conversations import Conversation, robot
+from tests.diagnosed import codes, verdicts
+from tests.streams import rs30x, wck
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+STATE = (0x2A, 18)
+"""Position, time, speed, current, temperature and voltage, and six zeros behind them."""
+
+
+def hit(rng: random.Random, data: bytes, share: float) -> bytes:
+    """Return bytes of which a share has lost or gained a bit."""
+    return bytes(b ^ (1 << rng.randrange(8)) if rng.random() < share else b for b in data)
+
+
+def polled(torn_while_moving: float) -> Conversation:
+    """Twelve servos, goals and states; they move every second second, and sparks tear then."""
+    talk, rng = Conversation("rs30x"), random.Random(11)
+    for cycle in range(240):
+        talk.until(cycle / 30)
+        moves = int(talk.now_s) % 2
+        share = torn_while_moving if moves else 0.0
+        for servo in range(1, 13):
+            place = (cycle % 30) * 20 if moves else 0
+            talk.say(hit(rng, rs30x.write(servo, 0x1E, place.to_bytes(2, "little")), share))
+            talk.rest(0.2)
+            request = rs30x.packet(servo, 0x09, 0, 0, 1)
+            asked = hit(rng, request, share)
+            talk.say(asked)
+            current = (300 if moves else 20).to_bytes(2, "little")
+            state = place.to_bytes(2, "little") + bytes([0, 0, 40 * moves, 0]) + current
+            state += bytes([30, 0, 0xDC, 2]) + bytes(6)
+            if asked == request:
+                talk.rest(0.3)
+                talk.say(hit(rng, rs30x.returned(servo, STATE[0], state), share))
+            talk.rest(0.4)
+    return talk
+
+
+def test_the_zeros_of_torn_states_are_no_falls_of_a_line() -> None:
+    told = polled(0.03).diagnosed()
+    assert "line-babbles" not in codes(told)
+    assert verdicts(told.incidents())[0] == ("emi-load", ())
+
+
+def limited(*, torn: int, writes: int) -> set[str]:
+    """Return what is found where a servo is told its limits so many times, beside torn requests."""
+    talk, rng = Conversation("rs30x"), random.Random(5)
+    limits = (200).to_bytes(2, "little") + (-200).to_bytes(2, "little", signed=True)
+    for cycle in range(200):
+        talk.until(cycle / 20)
+        for servo in (1, 2):
+            talk.send(servo, 0.5 + 0.3 * (cycle % 40) / 40)
+            talk.read(servo, 0.5 + 0.3 * (cycle % 40) / 40)
+        if cycle % 10 == 5 and cycle < 10 * torn:
+            request = bytearray(talk.tongue.ask(2))
+            request[rng.randrange(2, 7)] ^= 0x24
+            talk.write(bytes(request))
+            talk.rest(20)
+        if cycle % 10 == 7 and cycle < 10 * writes:
+            talk.write(rs30x.write(1, 0x08, limits))
+    return codes(talk.diagnosed())
+
+
+def test_limits_that_one_frame_writes_among_torn_ones_may_be_torn_themselves() -> None:
+    assert "goal-beyond-limits" not in limited(torn=8, writes=1)
+
+
+def test_limits_count_where_nothing_is_torn() -> None:
+    assert "goal-beyond-limits" in limited(torn=0, writes=1)
+
+
+def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_together() -> None:
+    """What begins as one request and ends as another is longer than both: nobody spoke at once."""
+    rng = random.Random(8)
+    talk = Conversation("rs30x")
+    for cycle in range(300):
+        talk.until(cycle / 40)
+        said = [talk.tongue.ask(1), talk.tongue.answer(1, 0.4), talk.tongue.ask(2)]
+        if cycle % 12 == 6:  # from within the first one to within the last
+            row = b"".join(said)
+            talk.say(row[:5] + rng.randbytes(len(row) - 8) + row[-3:])
+        else:
+            for data in said:
+                talk.say(data)
+                talk.rest(0.3)
+            talk.say(talk.tongue.answer(2, 0.6))
+        talk.read(3, 0.5)
+    assert "requests-run-together" not in codes(talk.diagnosed())
+
+
+def test_a_torn_request_that_its_check_lets_pass_is_no_question_that_is_refused() -> None:
+    """WCK's sums have seven bits: a read (5 << 5 and the id) without its eighth bit is a move."""
+    talk, torn = Conversation("wck"), wck.command(1 << 5 | 15, 0)
+    for cycle in range(400):
+        talk.until(cycle / 40)
+        for servo in (3, 15):
+            talk.read(servo, 0.5)
+        if cycle in (120, 300):
+            talk.write(torn)
+            talk.rest(6)
+        elif cycle % 4 == 3:
+            talk.write(wck.command(5 << 5 | 3, 0)[:-1] + b"\x5a")
+            talk.rest(6)
+    told = talk.diagnosed()
+    assert "one-question-unanswered" not in codes(told)
+    assert "servo-refuses" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+def test_who_is_asked_three_things_in_one_go_mostly_loses_the_first_and_refuses_none() -> None:
+    """Whatever opens a contact does so between the cycles, for most of the time is there."""
+    rng = random.Random(2)
+    talk, closed_s, open_s = Conversation("rs30x"), 0.0, 0.5
+    for cycle in range(120):
+        talk.until(cycle / 10)
+        for servo, question in itertools.product((1, 2, 3), (0x2A, 0x30, 0x34)):
+            if talk.now_s > open_s:
+                closed_s = open_s + rng.uniform(0.01, 0.1)
+                open_s = closed_s + rng.uniform(0.3, 0.8)
+            talk.say(rs30x.packet(servo, 0x0F, question, 2, 0))
+            if servo == 2 and talk.now_s < closed_s:
+                talk.rest(6)
+                continue
+            talk.rest(0.3)
+            talk.say(rs30x.returned(servo, question, bytes([40, 0])))
+            talk.rest(0.3)
+    told = talk.diagnosed()
+    assert "one-question-unanswered" not in codes(told)
+    assert "servo-refuses" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+@pytest.mark.parametrize("away", [0.8, 0.4])
+def test_one_servo_alone_that_is_away_evenly_restarts_however_long_it_is_away(away: float) -> None:
+    talk = Conversation("mightyzap")
+    while talk.now_s < 16:
+        talk.rest(12)
+        if talk.now_s % 1.0 < away:
+            talk.ask_in_vain(2, 8)
+        else:
+            talk.read(2, 0.5)
+    told = talk.diagnosed()
+    assert "away-again-and-again" in codes(told)
+    assert verdicts(told.incidents()) == [("servo-reset-loop", (2,))]
+
+
+def lines(tear: Callable[[random.Random, bytes], bytes]) -> set[str]:
+    """Return what is found where one of forty lines of an LSS bus is torn so."""
+    rng, talk = random.Random(9), robot("lss", 6, servos=(1, 2, 3, 4), rate_hz=25)
+    torn = [replace(c, data=tear(rng, c.data)) if rng.random() < 0.025 else c for c in talk.chunks]
+    return codes(talk.diagnosed(torn))
+
+
+def without_some(rng: random.Random, line: bytes) -> bytes:
+    """Lose one to three signs within a line, or its last ones."""
+    at = rng.randrange(2, len(line))
+    return line[:at] + line[at + rng.randint(1, 3) :]
+
+
+def test_torn_lines_of_both_sides_in_which_every_sign_is_sound_lost_what_they_lack() -> None:
+    assert "pieces-complete" in lines(without_some)
+
+
+def test_torn_lines_with_signs_that_no_line_has_were_altered() -> None:
+    def flip(rng: random.Random, line: bytes) -> bytes:
+        at = rng.randrange(len(line))
+        return line[:at] + bytes([line[at] ^ 1 << rng.randrange(8)]) + line[at + 1 :]
+
+    assert "pieces-complete" not in lines(flip)
+
+
+def test_lines_of_one_side_that_lack_their_first_signs_are_no_loss_of_the_tap() -> None:
+    def cut(rng: random.Random, line: bytes) -> bytes:
+        return line[rng.randint(1, 2) :] if line.startswith(b"*") else line
+
+    assert "pieces-complete" not in lines(cut)
