@@ -43,7 +43,7 @@ NUMBER: Final = {code: i for i, code in enumerate(CODES)}
 
 SEVERITY: Final = tuple(CATALOGUE[code].severity for code in CODES)
 
-_GROUP: Final = tuple(CATALOGUE[code].group for code in CODES)
+GROUP: Final = tuple(CATALOGUE[code].group for code in CODES)
 
 
 class _Origin(NamedTuple):
@@ -65,6 +65,7 @@ class Anomalies(Lazy[Anomaly]):
         "_part",
         "_parts",
         "_row",
+        "_told",
         "at",
         "code",
         "known_at",
@@ -91,6 +92,7 @@ class Anomalies(Lazy[Anomaly]):
         self._part = np.zeros(len(code), np.int64)
         self._row = np.arange(len(code))
         self._parts: tuple[_Origin, ...] = (_Origin(tell),)
+        self._told: list[Told] | None = None
 
     @classmethod
     def of(cls, found: Sequence[Anomaly]) -> Anomalies:
@@ -136,6 +138,7 @@ class Anomalies(Lazy[Anomaly]):
             of.append(part._part + len(parts_of_all))
             parts_of_all += part._parts
         out._part, out._parts = np.concatenate(of), tuple(parts_of_all)
+        out._told = None
         return out
 
     def take(self, rows: I64) -> Anomalies:
@@ -143,9 +146,9 @@ class Anomalies(Lazy[Anomaly]):
         out = Anomalies.__new__(Anomalies)
         Lazy.__init__(out, len(rows))
         for name in self.__slots__:
-            if name != "_parts":
+            if name not in ("_parts", "_told"):
                 setattr(out, name, getattr(self, name)[rows])
-        out._parts = self._parts
+        out._parts, out._told = self._parts, None
         return out
 
     def rows(self, code: str) -> I64:
@@ -153,7 +156,12 @@ class Anomalies(Lazy[Anomaly]):
         return np.flatnonzero(self.code == NUMBER[code])
 
     def told(self) -> list[Told]:
-        """Return sentence and evidence of every row; no object is made for it."""
+        """Return sentence and evidence of every row, put together once and without objects."""
+        if self._told is None:
+            self._told = self._tell()
+        return self._told
+
+    def _tell(self) -> list[Told]:
         if self._made is not None:
             return [(a.detail, a.evidence) for a in self._made]
         out: list[Told] = [("", ())] * len(self)
@@ -183,7 +191,7 @@ class Anomalies(Lazy[Anomaly]):
 
 def _anomaly(code: int, t_ns: int, servo_id: int, told: Told) -> Anomaly:
     who = None if servo_id < 0 else servo_id
-    return Anomaly(t_ns, SEVERITY[code], _GROUP[code], CODES[code], who, *told)
+    return Anomaly(t_ns, SEVERITY[code], GROUP[code], CODES[code], who, *told)
 
 
 def _none(rows: Sequence[int]) -> Sequence[Told]:

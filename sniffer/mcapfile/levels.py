@@ -27,11 +27,15 @@ SEVERITIES: Final = {
 
 def whose(anomaly: Found) -> str:
     """Return the servo, unless the detail begins with it or names it."""
-    if anomaly.servo_id is None:
+    return named(-1 if anomaly.servo_id is None else anomaly.servo_id, anomaly.detail)
+
+
+def named(servo_id: int, detail: str) -> str:
+    """Return the same of columns: -1 is nobody."""
+    if servo_id < 0:
         return ""
-    who = f"servo {anomaly.servo_id}"
-    named = who in anomaly.detail and _word(who).search(anomaly.detail)
-    return "" if named else f"{who}: "
+    who = f"servo {servo_id}"
+    return "" if who in detail and _word(who).search(detail) else f"{who}: "
 
 
 @functools.cache  # there are some 250 servos; ``re`` itself takes longer to find it than to search

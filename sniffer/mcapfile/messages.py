@@ -15,6 +15,7 @@ import numpy as np
 
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
+from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
@@ -325,8 +326,9 @@ class BusWriter:
             self._rare("gaps", Gap, gap_messages(batch), log, times)
 
     def _write_anomalies(self, batch: Batch) -> None:
-        found = sorted(batch.anomalies, key=lambda a: a.t_ns)
-        times = np.array([a.t_ns for a in found], np.int64)
+        found = Anomalies.of(batch.anomalies)
+        found = found.take(np.argsort(found.t_ns, kind="stable"))
+        times = found.t_ns
         self._seconds.count(ANOMALIES, times)
         self._rare("anomalies", Anomaly, anomaly_messages(found), times, times)
         if self._ros2 is not None:

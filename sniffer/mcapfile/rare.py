@@ -14,17 +14,19 @@ from typing import TYPE_CHECKING, Final
 
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from sniffer.diagnostics.found import CODES, GROUP, NUMBER, SEVERITY, Anomalies
 from sniffer.ground.model import NS
-from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
-from sniffer.mcapfile.varints import key, sized
+from sniffer.mcapfile.levels import LEVELS, SEVERITIES, named
+from sniffer.mcapfile.varints import key, sized, varint
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Gap
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
+    from sniffer.diagnostics.found import Told
     from sniffer.ground import model
-    from sniffer.ground.model import Batch, Severity
+    from sniffer.ground.model import Batch
 
 _NUMBERS: Final = json.JSONEncoder(default=repr).encode
 
@@ -43,6 +45,9 @@ _GAP_OFFSET: Final = key(Gap, "offset")
 _GAP_LENGTH: Final = key(Gap, "length")
 _GAP_DETAIL: Final = key(Gap, "detail")
 _GAP_DATA: Final = key(Gap, "data")
+_NOBODY: Final = -1
+_NANOS: Final = varint(Timestamp.DESCRIPTOR.fields_by_name["nanos"].number << 3)
+"""The key of a varint."""
 _LOG_AT: Final = key(Log, "timestamp")
 _LOG_MESSAGE: Final = key(Log, "message")
 
@@ -61,25 +66,40 @@ def gap_messages(batch: Batch) -> Iterator[bytes]:
 
 def anomaly_messages(found: Sequence[model.Anomaly]) -> Iterator[bytes]:
     """Yield anomalies, but for what the catalogue says of them."""
-    for a in found:
-        parts = [
-            _FOUND_AT,
-            _LONG.pack(a.t_ns),
-            _kind(a.severity, a.group, a.code, a.servo_id),
-            _FOUND_DETAIL,
-            sized(a.detail.encode()),
-        ]
-        for at, n in a.evidence:
+    for code, who, t_ns, (detail, evidence) in _rows(found):
+        parts = [_FOUND_AT, _LONG.pack(t_ns), _kind(code, who), _FOUND_DETAIL]
+        parts.append(sized(detail.encode()))
+        for at, n in evidence:
             parts += _EVIDENCE, _SPAN.pack(_SPAN_AT, at, _SPAN_LENGTH, n)
         yield b"".join(parts)
 
 
 def log_messages(found: Sequence[model.Anomaly], bus: str) -> Iterator[bytes]:
     """Yield anomalies as lines of a log."""
-    for a in found:
-        t = Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS).SerializeToString()
-        text = f"{whose(a)}{a.detail} [{a.code}]".encode()
-        yield b"".join((_LOG_AT, sized(t), _line(a.severity, bus), _LOG_MESSAGE, sized(text)))
+    for code, who, t_ns, (detail, _) in _rows(found):
+        second, ns = divmod(t_ns, NS)
+        t = _second(second) + (_NANOS + varint(ns) if ns else b"")
+        text = f"{named(who, detail)}{detail} [{CODES[code]}]".encode()
+        yield b"".join((_LOG_AT, sized(t), _line(code, bus), _LOG_MESSAGE, sized(text)))
+
+
+def _rows(found: Sequence[model.Anomaly]) -> Iterable[tuple[int, int, int, Told]]:
+    """Return code, servo (-1: none), time, and sentence and evidence of each.
+
+    Of columns no object is made for it.
+    """
+    if isinstance(found, Anomalies):
+        columns = (found.code.tolist(), found.servo_id.tolist(), found.t_ns.tolist())
+        return zip(*columns, found.told(), strict=True)
+    return (
+        (
+            NUMBER[a.code],
+            _NOBODY if a.servo_id is None else a.servo_id,
+            a.t_ns,
+            (a.detail, a.evidence),
+        )
+        for a in found
+    )
 
 
 @functools.cache
@@ -88,11 +108,18 @@ def _reason(reason: str) -> bytes:
 
 
 @functools.cache
-def _kind(severity: Severity, group: str, code: str, servo_id: int | None) -> bytes:
-    told = Anomaly(severity=SEVERITIES[severity], group=group, code=code, servo_id=servo_id)
+def _kind(code: int, servo_id: int) -> bytes:
+    told = Anomaly(severity=SEVERITIES[SEVERITY[code]], group=GROUP[code], code=CODES[code])
+    if servo_id >= 0:
+        told.servo_id = servo_id
     return told.SerializeToString()
 
 
 @functools.cache
-def _line(severity: Severity, bus: str) -> bytes:
-    return Log(level=LEVELS[severity], name=bus).SerializeToString()
+def _line(code: int, bus: str) -> bytes:
+    return Log(level=LEVELS[SEVERITY[code]], name=bus).SerializeToString()
+
+
+@functools.lru_cache(maxsize=64)
+def _second(second: int) -> bytes:
+    return Timestamp(seconds=second).SerializeToString()
