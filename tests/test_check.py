@@ -217,6 +217,19 @@ def test_an_input_that_breaks_off_is_judged_as_far_as_it_goes_and_told(
     assert "line" in (error.get("message") or "")
 
 
+def test_a_total_that_a_part_is_too_short_for_says_that_it_is_of_a_part(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    text = rule(what="frames", at_least=500) + rule(what="seconds", above=5)
+    text += rule(what="frames", at_most=10) + rule(what="bytes_in_frames", at_least=1)
+    part = ("--from", "1", "--to", "2")
+    told = checked(capsys, tmp_path, text, DAMAGED, *part).out.splitlines()[1:5]
+    said = "; a part of the capture alone was judged, from second 1 to second 2"
+    assert [line.endswith(said) for line in told] == [True, True, False, False]
+    assert all("FAILED" in line for line in told[:3])
+    assert "part" not in checked(capsys, tmp_path, text, DAMAGED).out
+
+
 def test_a_capture_that_cannot_be_read_does_not_keep_the_others_from_being_judged(
     tmp_path: Path, capsys: Capsys
 ) -> None:

@@ -266,3 +266,14 @@ def test_shorthands_are_an_expression_that_can_be_written_out() -> None:
     assert selection.text == written
     assert selection.tables == ("frames",)
     assert Selection.of() is None
+
+
+@pytest.mark.parametrize("number", ["300", "-129", "32768", "70000", "4294967296", "-1", "2.5"])
+@pytest.mark.parametrize("sign", ["=", "<>", "<", ">="])
+def test_a_number_that_a_column_cannot_hold_is_compared_as_what_it_is(
+    sign: str, number: str
+) -> None:
+    base = told("mightyzap_damaged.log")
+    text = f"servo_id {sign} {number}"
+    selection = Selection.parse(text)
+    assert base.by_us(selection) == base.by_sql(text, selection.tables)

@@ -84,8 +84,9 @@ def convert(
 
     The bytes alone: .log (lines as candump -L writes them), .bin, .hex. What they mean: .jsonl
     .csv .parquet. Both: .mcap, and .pcapng for Wireshark. Plots: .rrd. Of a selection (--servo,
-    --where ...) what is made has the selected rows, and bytes are those of the selected frames,
-    nothing else.
+    --where ...) what is made has the selected rows, and bytes are those of the frames that the
+    table of `sniffer decode` shows: the selected ones and those of selected transactions and
+    samples, so of --servo 3 also a write to many that has a value for servo 3.
 
     Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
     written).

@@ -8,6 +8,7 @@ rule that holds.
 from __future__ import annotations
 
 import enum
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -31,6 +32,9 @@ MS: Final = 1e6
 
 OF_EACH: Final = frozenset({r.RESPONSE_TIME, r.VALUE, r.GOALS, r.MISSING, r.DAMAGED})
 """Rules that each servo must keep, so that one who was never heard decides nothing."""
+
+TOTALS: Final = frozenset({r.INCIDENTS, r.ANOMALIES, r.FRAMES, r.SECONDS})
+"""Rules on what grows with the capture: a short part has less of it than the whole."""
 
 TOLD: Final = 3
 """Incidents that a failed rule names."""
@@ -99,6 +103,8 @@ def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
         if silent and verdict == Decision.PASSED:
             ids = ", ".join(map(str, sorted(silent)))
             verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
+        if verdict == Decision.FAILED and _is_too_little(rule, worst):
+            told += _of_a_part(heard)
         out.append(Judged(rule, verdict, told))
     return out
 
@@ -132,6 +138,19 @@ def _distance(rule: r.Rule, figure: Figure) -> float:
         is_upper = name in ("below", "at_most")
         out.append(bound - figure.high if is_upper else figure.low - bound)
     return min(out)
+
+
+def _is_too_little(rule: r.Rule, figure: Figure) -> bool:
+    """Tell whether a total fails for being small, as that of a short part may."""
+    bounds, n = rule.bounds, figure.high
+    is_less = n <= bounds.get("above", -math.inf) or n < bounds.get("at_least", -math.inf)
+    return rule.what in TOTALS and is_less
+
+
+def _of_a_part(heard: Subject) -> str:
+    """Say that not all of the capture was judged, where that is so."""
+    part = heard.summary.narrowed.get("part")
+    return f"; a part of the capture alone was judged, {part}" if part is not None else ""
 
 
 def _servos(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, int, ServoFigures]]:

@@ -90,7 +90,7 @@ class Names(NamedTuple):
 def _no_negative(column: Any) -> bool:
     """Tell whether nothing is below 0; of few rows Python knows ten times as fast."""
     if len(column) <= FEW:
-        return min(column.tolist(), default=0) >= 0
+        return not len(column) or min(column.tolist()) >= 0
     return bool(column.min() >= 0)
 
 
@@ -323,6 +323,11 @@ LENT: Final[Mapping[str, ColumnKind]] = MappingProxyType(
 )
 """Columns that samples have of the frames which state them, where an expression names columns of
 both: what was written to a register is ``register = 'goal_position' AND kind = 'request'``."""
+
+TAKEN: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
+    {**TABLES, "samples": {**LENT, **TABLES["samples"]}}
+)
+"""The columns that may be asked for, by the rows that are tested."""
 
 IS_TEXT: Final[Mapping[str, bool]] = MappingProxyType(
     {name: kind.is_text for columns in TABLES.values() for name, kind in columns.items()}

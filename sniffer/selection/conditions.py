@@ -99,6 +99,7 @@ def numbers(name: str, sign: str, value: Any) -> Condition:
     """Return the condition that a column compares so with a number."""
     rough = COMPARE[sign], float(value)
     whole = _whole(sign, value)
+    limits: dict[Any, Any] = {}
     # what stands for NULL may pass a comparison, too; where it cannot, nobody need look for it
     passes_blank = COMPARE[sign](-1, value)
 
@@ -106,7 +107,8 @@ def numbers(name: str, sign: str, value: Any) -> Condition:
         column = ask(name)
         assert isinstance(column, Numbers)
         values, blank = column
-        if values.dtype.kind == "f":
+        kind = values.dtype
+        if kind.kind == "f":
             compare, limit = rough
             mask: Mask = compare(values, limit)
             return mask & present(values, blank) if sign == "<>" else mask
@@ -114,7 +116,10 @@ def numbers(name: str, sign: str, value: Any) -> Condition:
             mask = np.full(len(values), whole)
         else:
             compare, limit = whole
-            mask = compare(values, limit)
+            told = limits.get(kind)
+            if told is None:
+                told = limits[kind] = _as(kind, limit)
+            mask = compare(values, told)
         return mask & present(values, blank) if passes_blank else mask
 
     return holds
@@ -168,6 +173,15 @@ def _whole(sign: str, value: int | Fraction) -> bool | tuple[Callable[[Any, Any]
         return sign == "<>"
     is_less = sign in ("<", "<=")
     return (operator.le, math.floor(value)) if is_less else (operator.ge, math.ceil(value))
+
+
+def _as(kind: np.dtype[Any], number: int) -> Any:
+    """Return a whole number as a column's own, which takes half the time of few rows to compare.
+
+    What a column of this kind cannot have stays Python's, of which numpy knows what that means.
+    """
+    range_ = np.iinfo(kind)
+    return np.array(number, kind) if range_.min <= number <= range_.max else number
 
 
 def columns(left: str, compare: Callable[[Any, Any], Any], right: str) -> Condition:

@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, and_, spelled
-from sniffer.selection.columns import LENT, TABLES, VALUES, Rows
+from sniffer.selection.columns import LENT, TABLES, TAKEN, VALUES, Rows
 from sniffer.selection.expression import Expression, near, read
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class Selection:
         n = rows.count(table)
         if not n or table not in self.tables:
             return np.zeros(n, bool)
-        taken = {**LENT, **TABLES[table]} if table == "samples" else TABLES[table]
+        taken = TAKEN[table]
         known: dict[str, Numbers | Names] = {}
 
         def ask(name: str) -> Numbers | Names:

@@ -1,4 +1,4 @@
-"""Files of bytes that have the frames of a selection, and nothing else."""
+"""Files of bytes that have the frames which a selection shows, and nothing else."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.raw import RawFile
 
-LEFT_OUT: Final = "has the selected frames only: decoded again, what is between them was never said"
+LEFT_OUT: Final = (
+    "has the selected frames only, with those that selected transactions and samples are of: "
+    "decoded again, what is between them was never said"
+)
 """What is told of such a file."""
 
 
