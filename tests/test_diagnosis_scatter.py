@@ -139,3 +139,30 @@ def test_how_often_places_are_here_and_there_does_not_depend_on_how_a_stream_was
     talk = answering(two)
     whole, cut = (diagnosed(talk.chunks, "wck", group, baud=talk.baud) for group in (512, 3))
     assert [i.as_dict() for i in whole.incidents()] == [i.as_dict() for i in cut.incidents()]
+
+
+def impatient(cycles: int) -> Conversation:
+    """Ask a servo before the one before it has answered; that one's request was talked over."""
+    talk = Conversation("wck")
+    for cycle in range(cycles):
+        talk.until(cycle / 40)
+        asked = talk.tongue.ask(1)
+        talk.say(bytes([*asked[:-1], asked[-1] ^ (0x18 if cycle % 2 else 0)]))
+        talk.rest(0.3)
+        if not cycle % 2:
+            talk.say(own(0.2))
+            talk.rest(0.4)
+        talk.say(talk.tongue.ask(2))
+        talk.rest(0.3)
+        if cycle % 2:
+            talk.say(own(0.2))
+            talk.rest(0.2)
+        talk.say(own(0.8))
+        talk.rest(0.4)
+        for servo in (3, 4):
+            talk.read(servo, 0.5)
+    return talk
+
+
+def test_an_answer_that_comes_behind_the_next_request_makes_no_second_servo_of_its_servo() -> None:
+    assert "places-scatter" not in codes(impatient(300).diagnosed())

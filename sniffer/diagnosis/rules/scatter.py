@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import in_force
@@ -31,7 +32,7 @@ FINDINGS: Final = (
         "moves, and as no misread bit makes it.",
         "One in ten of its positions at least, and six, is so far from the one before it and from the one "
         "behind it, on the same side, that the fastest servo could not get there and back (500 degrees "
-        "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as with others. Of those that are kept fewer than "
+        "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as with others, and twice as often as requests are torn or second answers come. Of those that are kept fewer than "
         "three in four differ in one bit, and fewer are the other's last bits read early, or late.",
     ),
 )
@@ -54,6 +55,9 @@ look so, too."""
 WITHIN_NS: Final = NS
 SOME: Final = 0.05
 """Part of the first bytes that end with a high bit if that is the stop bit."""
+
+DISPLACED: Final = 0.5
+"""How many answers out of place there may be for each position that is far away."""
 
 NEARLY: Final = 0.8
 TOLD: Final = 0.75
@@ -78,6 +82,8 @@ def scatter(case: Case) -> Iterator[Finding]:
         rest = sum(r.n for r in others) / max(sum(values.values()) - values[servo], 1)
         if returned.n < max(least, SHARE * returned.of, AHEAD * rest * returned.of):
             continue
+        if _displaced(case) > DISPLACED * returned.n:
+            continue
         told = sum(_was_told(case, servo, r) for r in returned.kept)
         if told > TOLD * len(returned.kept):
             continue
@@ -93,6 +99,15 @@ def _most(case: Case, servo: int) -> Returned:
 
 def _values(case: Case, servo: int) -> int:
     return sum(int(p.n.sum()) for p in case.every(servo, "position"))
+
+
+def _displaced(case: Case) -> int:
+    """Return how often an answer stands where it should not: over a request, or behind an answer.
+
+    Who is asked meanwhile seems to say then what another one says.
+    """
+    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
+    return torn + case.count("duplicate-response")
 
 
 def _was_told(case: Case, servo: int, r: Return) -> bool:
