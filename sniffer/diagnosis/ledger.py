@@ -21,6 +21,7 @@ from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.lowest import Lowest
 from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
+from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
@@ -102,6 +103,7 @@ class Ledger:
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
         self.steps = Steps(protocol)
+        self.returns = Returns(protocol)
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
         self.unclaimed = Unclaimed()
@@ -286,6 +288,11 @@ class Ledger:
         who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
         t_ns = v.t_ns[mine]
         at = batch.frames.start[v.row[mine]] + batch.base
+        if not self.has_checksum:
+            f, rows = batch.frames, v.row[mine]
+            self.returns.add(
+                who, milli, t_ns, at, lambda k: batch.data[f.start[rows[k]] : f.end[rows[k]]]
+            )
         self.lowest.add(register, v.servo_id[mine].astype(np.int64), milli, t_ns, at)
         self.values.add(
             t_ns,

@@ -217,6 +217,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "clock-drift",
         ("clock-off", 5.0, "a clock that is off explains its torn answers"),
+        ("places-scatter", -6.0, "no bits read early or late make of one place the other"),
         ("answers-mixed", -2.5, "two answers at once explain it"),
         ("answers-always-torn", 0.5, "each of its answers is misread"),
         ("last-bits", 4.0, "its bytes are misread at their end"),
@@ -240,6 +241,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("answers-twice", 5.0, "two answers come to one request"),
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
+        ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),
         ("damage-one-servo", 1.5, "only its answers are hit"),
         ("speaks-unasked", 0.6, "the second answer stands alone"),
         ("duplicate-response", 2.5, "a second answer of the same id"),
