@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from sniffer.diagnosis.rules import FINDINGS
-from sniffer.simulation.buses import BUSES
-from tests.diagnosed import codes, verdicts
-from tests.servos import suffering
+from sniffer.simulation.buses import BUSES, simulate
+from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
+from tests.servos import BEGAN_NS, finding, suffering
 
 WITHIN = {"mightyzap": 1, "lss": 2, "wck": 1, "rs30x": 1}
 
@@ -86,6 +86,13 @@ SHOWS = [
 def test_what_a_faulty_servo_shows_is_found(code: str, protocol: str, fault: str) -> None:
     seconds = LONG.get(fault.split(":")[0], 10.0)
     assert code in codes(suffering(protocol, fault.format(WITHIN[protocol]), seconds))
+
+
+def test_a_joint_that_gets_up_to_speed_is_not_stuck() -> None:
+    frames = simulate("mightyzap", seed=5, servo_ids=range(1, 13), duration_s=12, start_ns=BEGAN_NS)
+    it = diagnosed(chunks_of(frames), "mightyzap")
+    assert finding(it, "device-overload") is not None
+    assert finding(it, "stuck-before-alarm") is None
 
 
 def test_the_story_of_a_brownout_goes_from_the_sag_over_the_alarm_to_the_silence() -> None:

@@ -52,7 +52,7 @@ FINDINGS: Final = (
         "stuck-before-alarm",
         "device",
         "A joint stood still under moving goals when its servo reported an overload.",
-        "In the quarter second of the alarm the goals range over a fourth of what counts as far, the positions over less than a quarter of that.",
+        "In the quarter second of the alarm the goals range over a fourth of what counts as far, the positions over less than a quarter of that, and over less than half of it half a second later.",
     ),
     FindingCode(
         "joint-not-following",
@@ -84,6 +84,9 @@ HARD: Final = 1.25
 
 SHORTLY_NS: Final = NS // 10
 """Before an alarm of overload a motor pushes for tenths of a second; less tells nothing."""
+
+SETS_OUT_NS: Final = NS // 2
+"""A joint that nothing holds has begun to move by then."""
 
 ENOUGH_NS: Final = 2 * NS
 """A stretch of this length is beyond doubt."""
@@ -177,7 +180,12 @@ def _stands(one: JointTrack, t_ns: int) -> bool:
         return False
     asked = float(g.high[goals].max() - g.low[goals].min())
     went = float(p.high[first : row + 1].max() - p.low[first : row + 1].min())
-    return asked > one.far / 4 and went < asked / 4
+    if asked <= one.far / 4 or went >= asked / 4:
+        return False
+    # who gets up to speed stands still, too, and works hard: a moment later it is gone
+    behind = int(np.searchsorted(p.t_first, t_ns + SETS_OUT_NS, "right"))
+    goes = float(p.high[first:behind].max() - p.low[first:behind].min())
+    return goes < asked / 2
 
 
 def _moves(one: JointTrack) -> bool:
