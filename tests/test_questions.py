@@ -149,3 +149,25 @@ def test_a_file_whose_protocol_cannot_be_told_is_named(
     assert ran.complaint.startswith(f"{noise}: cannot tell the protocol of these 600 bytes")
     assert "--protocol" in ran.complaint
     assert not stands["OUT"].exists()
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("convert", "NOISE", "OUT"),
+        ("report", "NOISE"),
+        ("replay", "NOISE", "--speed", "0"),
+        ("check", "NOISE", "--rules", "RULES"),
+    ],
+)
+def test_bytes_whose_protocol_cannot_be_told_are_those_of_a_file(
+    asked: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    noise, rules = tmp_path / "noise.bin", tmp_path / "rules.toml"
+    noise.write_bytes(bytes(i * i * 7 % 251 for i in range(600)))
+    rules.write_text('[[rule]]\nwhat = "frames"\nat_least = 1\n')
+    out = tmp_path / "out.jsonl"
+    stands = {"NOISE": noise, "OUT": out, "RULES": rules}
+    ran = within(capsys, *(stands.get(word, word) for word in asked))
+    assert ran.status == 2
+    assert ran.complaint.startswith(f"cannot tell the protocol of these 600 bytes of {noise} (")

@@ -17,11 +17,13 @@ from sniffer.cli.streams import say, wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
+from sniffer.jobs.session import bytes_of
 from sniffer.jobs.telling import Teller
 from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
+from sniffer.sources.several import name_of
 
 
 @click.command(
@@ -103,7 +105,7 @@ def convert(
     if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
     tell = Teller(say, quiet=quiet)
-    with patient() as patience:
+    with patient() as patience, bytes_of(name_of(file)):
         done = made(
             file,
             outputs,

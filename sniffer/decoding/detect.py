@@ -130,6 +130,12 @@ class UndecidedError(InputError):
         super().__init__(told)
         self.likely = likely
 
+    def of(self, name: str) -> UndecidedError:
+        """Return the same of an input that is named: these bytes of ``name``; empty: of none."""
+        told, whose = self.args[0], f" of {name}" if name else ""
+        told = told.told_of(whose=whose) if isinstance(told, Sentence) else told
+        return UndecidedError(told, likely=self.likely)
+
 
 def _hint(head: bytes) -> tuple[str, str]:
     """Return whose frames are meant though none holds, and what is to be done, as a template."""
@@ -203,8 +209,9 @@ class Scores:
         shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
         likely, told = _hint(self._data)
-        told = f"cannot tell the protocol of these {{size}} bytes{{why}}: {told}"
-        raise UndecidedError(Sentence(told, size=self.size, why=why), likely=likely)
+        told = f"cannot tell the protocol of these {{size}} bytes{{whose}}{{why}}: {told}"
+        told = Sentence(told, size=self.size, whose="", why=why)
+        raise UndecidedError(told, likely=likely)
 
     def _found(self, first: str, others: Sequence[str]) -> Detection | None:
         """Return what the best candidate is taken for, if it is clear enough that it is that."""

@@ -83,6 +83,10 @@ class Sentence(str):
         out._template, out._values = template, values
         return out
 
+    def told_of(self, **values: object) -> Sentence:
+        """Return the same sentence with other values."""
+        return Sentence(self._template, **{**self._values, **values})
+
     def spelled(self, spell: Callable[[tuple[str, ...], str], str]) -> str:
         """Return it with arguments as ``spell`` has them: their names, and the value or nothing."""
         return _filled(self._template, self._values, spell)

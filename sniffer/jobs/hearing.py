@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.asked import Extract
-from sniffer.jobs.session import run_source
+from sniffer.jobs.session import bytes_of, run_source
 from sniffer.statistics.collector import Collector
 
 if TYPE_CHECKING:
@@ -49,14 +49,15 @@ def hear(
     asked = Extract.of(None, window)
     if asked is not None:
         asked = asked.sought_in(opened, options)
-    summary, ending = run_source(
-        opened,
-        options,
-        [collector, diagnosis],
-        name=name,
-        tell=tell,
-        patience=patience,
-        on_break=damage.append,
-        asked=asked,
-    )
+    with bytes_of(name):
+        summary, ending = run_source(
+            opened,
+            options,
+            [collector, diagnosis],
+            name=name,
+            tell=tell,
+            patience=patience,
+            on_break=damage.append,
+            asked=asked,
+        )
     return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage))

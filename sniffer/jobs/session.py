@@ -13,6 +13,7 @@ from sniffer.decoding.resuming import ResumablePipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
+from sniffer.sources.several import STANDARD_INPUT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -45,8 +46,19 @@ def undecided_of(name: str) -> Iterator[None]:
     try:
         yield
     except UndecidedError as error:
-        told = Sentence("{name}: {told}", name=name, told=error.args[0])
+        told = Sentence("{name}: {told}", name=name, told=error.of("").args[0])
         raise UndecidedError(told, likely=error.likely) from error
+
+
+@contextlib.contextmanager
+def bytes_of(name: str) -> Iterator[None]:
+    """Let the complaint that a protocol cannot be told say whose bytes these are."""
+    try:
+        yield
+    except UndecidedError as error:
+        if name == STANDARD_INPUT:
+            raise
+        raise error.of(name) from error
 
 
 class Patience:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources import Source, open_source
@@ -89,11 +89,15 @@ class SeveralSources(Source):
             part.close()
 
 
+STANDARD_INPUT: Final = "standard input"
+"""What it is called where files have their names."""
+
+
 def name_of(source: str | Path | Sequence[str | Path]) -> str:
     """Return what a capture is called, of one file or of several."""
     paths = [source] if isinstance(source, str | Path) else source
     named = " ".join(map(str, paths))
-    return "standard input" if named == "-" else named
+    return STANDARD_INPUT if named == "-" else named
 
 
 def open_capture(
