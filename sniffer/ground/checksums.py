@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, U8, Mask
 
 
+MANY: Final = 1 << 9
+"""So many stretches are worth being told apart by their lengths."""
+
+SHORT: Final = 4
+"""Bytes up to which it is quicker to fold them byte by byte, all stretches of a length at once: to
+look for the edges of one costs as much as some eight bytes do."""
+
+
 class Sum(Protocol):
     """A checksum as grammars, framing and explanations use it.
 
@@ -71,12 +79,27 @@ class Checksum:
             # Where candidates overlap time and again, one running sum is less than all of theirs.
             run = np.append(np.uint8(0), self.fold.accumulate(block, dtype=np.uint8))
             return np.asarray(self.undo(run[last], run[first]))
+        if len(first) < MANY or int(length.min()) > SHORT:
+            return self._by_edges(block, first, last)
+        out = np.zeros(len(first), np.uint8)
+        times = np.bincount(length)
+        for size in np.flatnonzero(times[1 : SHORT + 1]).tolist():
+            rows = np.flatnonzero(length == size + 1)
+            at = first.take(rows)
+            out[rows] = self.fold.reduce([block.take(at + k) for k in range(size + 1)])
+        if times[SHORT + 1 :].any():
+            rows = np.flatnonzero(length > SHORT)
+            out[rows] = self._by_edges(block, first.take(rows), last.take(rows))
+        return out
+
+    def _by_edges(self, block: U8, first: I64, last: I64) -> U8:
         if last.max() == len(block):  # a packet may end where the block does: there is no byte
             block = np.append(block, np.uint8(0))
         # Edges in turn: every other stretch is one of ours, the rest lies between two of them.
         edges = np.empty(2 * len(first), np.int64)
         edges[::2], edges[1::2] = first, last
         out: U8 = self.fold.reduceat(block, edges, dtype=np.uint8)[::2]
+        length = last - first
         return out if length.min() > 0 else np.where(length > 0, out, np.uint8(0))
 
 

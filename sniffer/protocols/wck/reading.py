@@ -92,6 +92,15 @@ def reads_of(op: int, kind: int, count: int = 0) -> list[ByteRead]:
 
 
 _COUNT: Final = np.array([len(reads) for reads in _READS], np.int64)
+_BEGIN: Final = np.cumsum(_COUNT) - _COUNT
+_EACH: Final = [read for reads in _READS for read in reads]
+"""The reads of all keys behind each other: those of key ``k`` from row ``_BEGIN[k]`` on."""
+
+_AT: Final = np.array([read.at for read in _EACH], np.int64)
+_REGISTER: Final = np.array([read.register for read in _EACH], np.int16)
+_SHIFT: Final = np.array([read.shift for read in _EACH], np.uint8)
+_MASK: Final = np.array([read.mask for read in _EACH], np.uint8)
+_SERVO: Final = np.array([-1 if read.servo is None else read.servo for read in _EACH], np.int16)
 
 
 def states_itself(frames: Frames) -> Mask:
@@ -112,35 +121,31 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     #     raw        7 99     2 16 2 32          0 808      808       8 100
     #     in the end 7 99     2 16 2 32          0 404      404       8 100
     #
-    # Rows of one key are read together, a register at a time: key 5 has load and position, so two
-    # reads fill places 0, 9 and 1, 10. ``first`` is known before anything is read, so values are in
-    # wire order without sorting. Only then are 10-bit positions put right: what their low byte
-    # means depends on those before it, of whatever command.
+    # ``of`` is the row that a value is of (0 0 1 1 1 1 2 2 3 4 4), ``read`` its row in the table of
+    # all reads: where its byte stands, how it is masked, which register it is. So values are in
+    # wire order without sorting, however many shapes there are. Only then are 10-bit positions put
+    # right: what their low byte means depends on those before it, of whatever command.
     data = block.data
     op = np.minimum(frames.op[rows], UNKNOWN_OP)
     key = 2 * op + frames.kind[rows]
-    sync = op == SYNC
+    sync = np.flatnonzero(op == SYNC)
     key[sync] = _SYNC_KEYS + frames.data_length[rows[sync]]
     per_row = _COUNT[key]
     first = np.cumsum(per_row) - per_row
-    start = frames.start[rows]
-    total = int(per_row.sum())
-    register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
-    servo = np.repeat(frames.servo_id[rows], per_row)
-    for k in np.flatnonzero(np.bincount(key, minlength=1)).tolist():
-        mine = np.flatnonzero(key == k)
-        at, out = start[mine], first[mine]
-        for i, read in enumerate(_READS[k]):
-            register[out + i] = read.register
-            raw[out + i] = data[at + read.at] >> read.shift & read.mask
-            if read.is_ten_bits:
-                raw[out + i] = raw[out + i] << 8 | data[at + read.at + 1]
-            if read.servo is not None:
-                servo[out + i] = read.servo
+    of = np.repeat(np.arange(len(rows)), per_row)
+    total = len(of)
+    read = (_BEGIN[key] - first).take(of) + np.arange(total)
+    at = frames.start[rows].take(of) + _AT.take(read)
+    register = _REGISTER.take(read)
+    raw = (data.take(at) >> _SHIFT.take(read) & _MASK.take(read)).astype(np.int64)
+    servo = frames.servo_id[rows].take(of)
+    if len(sync):
+        told = _SERVO.take(read)
+        servo = np.where(told >= 0, told, servo)
     ten = np.flatnonzero((register == _GOAL_10BIT) | (register == _POSITION_10BIT))
     if len(ten):
-        raw[ten] = _aligned(raw[ten], state)
-    return Values(np.repeat(rows, per_row), servo, register, raw, np.zeros(total, np.uint8))
+        raw[ten] = _aligned(raw[ten] << 8 | data[at[ten] + 1], state)
+    return Values(rows.take(of), servo, register, raw, np.zeros(total, np.uint8))
 
 
 def _aligned(pair: I64, state: State) -> I64:
