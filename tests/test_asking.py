@@ -259,6 +259,23 @@ def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
     assert told(capsys, "--from", "0.02", file=hex_dump)[-1]["bytes"] < 340
 
 
+@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x", "wck"])
+def test_what_is_looked_for_is_found_without_a_clock_too(
+    protocol: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    raw = tmp_path / "raw.bin"
+    capture = CAPTURE.with_name(f"{protocol}_damaged.log")
+    assert within(capsys, "convert", capture, raw, "-q").status == 0
+    every = [row for row in told(capsys, file=raw) if row["type"] in ("frame", "gap")]
+    part = told(capsys, "--from", "@byte:1000", "--to", "@byte:1100", file=raw)
+    assert [row for row in part if row["type"] in ("frame", "gap")] == [
+        row for row in every if row["offset"] + row["length"] > 1000 and row["offset"] <= 1100
+    ]
+    first = next(row for row in told(capsys, file=raw) if row["type"] == "anomaly")
+    found = told(capsys, "--from", "@anomaly:1", "--to", "@anomaly:1", file=raw)
+    assert first in found
+
+
 def test_tables_have_the_selected_rows_only(tmp_path: Path, capsys: Capsys) -> None:
     path = tmp_path / "x.parquet"
     asked = ("--where", "servo_id = 3 AND t_ns > 0", "--quiet", "-o", path)

@@ -52,6 +52,36 @@ def test_a_wrong_option_says_what_is_right(
     assert told in ran.complaint
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("stats", "GOOD", "--servo", "3", "--format", "csv"),
+        ("diagnose", "GOOD"),
+        ("report", "GOOD"),
+        ("report", "GOOD", "-o", "OUT.md"),
+        ("replay", "GOOD", "--speed", "0"),
+        ("cut", "GOOD", "--from", "0", "-o", "OUT.bin"),
+        ("diff", "GOOD", "GOOD"),
+        ("discover", "GOOD", "--servo", "3"),
+        ("query", "SELECT count(*) FROM frames", "GOOD"),
+        ("convert", "GOOD", "OUT.hex", "--servo", "3"),
+        ("decode", "GOOD", "-o", "OUT.csv"),
+    ],
+    ids=" ".join,
+)
+def test_quiet_leaves_what_is_printed_and_says_nothing_beside_it(
+    command: tuple[str, ...], good: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    stands = {word: tmp_path / word for word in command if word.startswith("OUT.")}
+    asked = [stands.get(word, good if word == "GOOD" else word) for word in command]
+    asked += ["--force"] if stands else []
+    aloud = within(capsys, *asked)
+    quiet = within(capsys, *asked, "--quiet")
+    assert (quiet.status, quiet.err) == (aloud.status, "")
+    assert aloud.err
+    assert command[0] == "decode" or quiet.out == aloud.out
+
+
 def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
     assert "No such command" in within(capsys, "nix").complaint

@@ -158,6 +158,10 @@ def test_a_file_whose_protocol_cannot_be_told_is_named(
         ("report", "NOISE"),
         ("replay", "NOISE", "--speed", "0"),
         ("check", "NOISE", "--rules", "RULES"),
+        ("view", "NOISE", "-o", "PLOTS"),
+        ("explain", "NOISE@5"),
+        ("simulate", "--like", "NOISE"),
+        ("replay", "NOISE", "--to", "/dev/null", "--as", "controller"),
     ],
 )
 def test_bytes_whose_protocol_cannot_be_told_are_those_of_a_file(
@@ -167,7 +171,8 @@ def test_bytes_whose_protocol_cannot_be_told_are_those_of_a_file(
     noise.write_bytes(bytes(i * i * 7 % 251 for i in range(600)))
     rules.write_text('[[rule]]\nwhat = "frames"\nat_least = 1\n')
     out = tmp_path / "out.jsonl"
-    stands = {"NOISE": noise, "OUT": out, "RULES": rules}
+    stands = {"NOISE": noise, "OUT": out, "RULES": rules, "PLOTS": tmp_path / "out.rrd"}
+    stands["NOISE@5"] = noise.with_name(f"{noise.name}@5")
     ran = within(capsys, *(stands.get(word, word) for word in asked))
     assert ran.status == 2
     assert ran.complaint.startswith(f"cannot tell the protocol of these 600 bytes of {noise} (")

@@ -13,6 +13,7 @@ from sniffer.cli.options import (
     examples,
     files_here,
     with_force,
+    with_quiet,
     with_together,
 )
 from sniffer.cli.selecting import with_part
@@ -82,6 +83,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
     callback=_example,
     help="Print a file of rules to begin with, and exit.",
 )
+@with_quiet
 def check(
     files: tuple[str, ...],
     rules_file: Path,
@@ -91,6 +93,7 @@ def check(
     force: bool,
     together: bool,
     window: Window | None,
+    tell: Teller,
 ) -> int:
     """Hold each FILE to the rules of a TOML file: no incident of a cause, answers in time, ...
 
@@ -117,7 +120,7 @@ def check(
                     input_format=input_format,
                     window=window,
                     patience=patience,
-                    tell=Teller(say),
+                    tell=tell,
                 )
         except InputError as error:
             say(worded(error))

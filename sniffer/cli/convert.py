@@ -8,12 +8,19 @@ import click
 
 from sniffer.cli.amounts import topics as topics_of
 from sniffer.cli.joints import with_ros2
-from sniffer.cli.options import decoding, examples, files_here, with_anonymise, with_force
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    files_here,
+    with_anonymise,
+    with_force,
+    with_quiet,
+)
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say, wrote
+from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
@@ -65,7 +72,7 @@ from sniffer.sources.several import name_of
 @with_ros2
 @with_anonymise
 @with_force
-@click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong.")
+@with_quiet
 def convert(
     file: str,
     outputs: tuple[Path, ...],
@@ -78,7 +85,7 @@ def convert(
     joints: tuple[RosJoint, ...] | None,
     anonymise: bool,
     force: bool,
-    quiet: bool,
+    tell: Teller,
     window: Window | None,
     selection: Selection | None,
 ) -> int:
@@ -104,7 +111,6 @@ def convert(
         raise click.UsageError("--topics is about a recording: name an .mcap")
     if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
-    tell = Teller(say, quiet=quiet)
     with patient() as patience, bytes_of(name_of(file)):
         done = made(
             file,
@@ -121,7 +127,7 @@ def convert(
             tell=tell,
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
-    if not status and not quiet:
-        say_selected(done.summary)
+    if not status:
+        say_selected(done.summary, tell)
         tell.talk(wrote(outputs))
     return status

@@ -13,11 +13,12 @@ from sniffer.cli.options import (
     with_anonymise,
     with_force,
     with_outputs,
+    with_quiet,
 )
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say, wrote
+from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.cut import cut as cut_out
 from sniffer.jobs.telling import Teller
@@ -40,6 +41,7 @@ from sniffer.selection.places import Window
 @with_outputs("The part")
 @with_anonymise
 @with_force
+@with_quiet
 def cut(
     file: str,
     options: Options,
@@ -48,6 +50,7 @@ def cut(
     outputs: tuple[Path, ...],
     anonymise: bool,
     force: bool,
+    tell: Teller,
 ) -> int:
     """Cut a part out of FILE (- is standard input).
 
@@ -67,9 +70,9 @@ def cut(
             anonymise=anonymise,
             overwrite=force,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
-        say(wrote(outputs))
+        tell.talk(wrote(outputs))
     return status

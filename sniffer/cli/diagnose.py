@@ -13,13 +13,13 @@ from sniffer.cli.options import (
     files_here,
     with_color,
     with_format,
+    with_quiet,
     with_together,
 )
 from sniffer.cli.selecting import with_part
 from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.jobs.diagnose import diagnose as diagnose_file
 from sniffer.jobs.telling import Teller
@@ -44,6 +44,7 @@ from sniffer.sources.several import name_of
 @with_format("text", "json")
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
 @with_color
+@with_quiet
 def diagnose(
     files: tuple[str, ...],
     options: Options,
@@ -53,6 +54,7 @@ def diagnose(
     together: bool,
     window: Window | None,
     color: bool | None,
+    tell: Teller,
 ) -> int:
     """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
 
@@ -68,7 +70,7 @@ def diagnose(
                 input_format=input_format,
                 window=window,
                 patience=patience,
-                tell=Teller(say),
+                tell=tell,
             )
         status = max(status, status_of(done.ending, is_lost=False))
         if output_format == "json":

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force, with_format
+from sniffer.cli.options import decoding, examples, files_here, with_force, with_format, with_quiet
 from sniffer.cli.selecting import with_both_parts, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.jobs.diff import diff as compared
 from sniffer.jobs.telling import Teller
@@ -42,6 +41,7 @@ from sniffer.selection.selection import Selection
     help="Also plot both, one over the other, in a .rrd.",
 )
 @with_force
+@with_quiet
 def diff(
     a: str,
     b: str,
@@ -52,6 +52,7 @@ def diff(
     force: bool,
     windows: tuple[Window | None, Window | None],
     selection: Selection | None,
+    tell: Teller,
 ) -> int:
     """Say in what the runs A and B differ: answers, values, goals, errors, settings, commands.
 
@@ -71,7 +72,7 @@ def diff(
             window_b=windows[1],
             selection=selection,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     if output_format == "json":
         click.echo(json.dumps(done.as_dict()))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_format
+from sniffer.cli.options import decoding, examples, files_here, with_format, with_quiet
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import and_, plain
@@ -41,6 +40,7 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     metavar="MODEL",
     help="The model of that table.",
 )
+@with_quiet
 def discover(
     file: str,
     options: Options,
@@ -49,6 +49,7 @@ def discover(
     model_name: str,
     window: Window | None,
     selection: Selection | None,
+    tell: Teller,
 ) -> int:
     """Say of bytes in FILE that no register table names what they do.
 
@@ -64,9 +65,9 @@ def discover(
             window=window,
             selection=selection,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
-    say_selected(done.summary)
+    say_selected(done.summary, tell)
     if output_format == "toml":
         table = done.stub(model_name)
         RegisterMap.from_text(table, model_name)  # a name that is none is told here

@@ -13,10 +13,11 @@ from sniffer.cli.options import (
     with_anonymise,
     with_force,
     with_outputs,
+    with_quiet,
 )
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say, wrote
+from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
 from sniffer.ground.amounts import time_in
 from sniffer.jobs.merge import merge as merge_all
@@ -78,6 +79,7 @@ def offsets_of(
 @with_outputs("The merged capture")
 @with_anonymise
 @with_force
+@with_quiet
 def merge(
     files: tuple[str, ...],
     options: Options,
@@ -89,6 +91,7 @@ def merge(
     outputs: tuple[Path, ...],
     anonymise: bool,
     force: bool,
+    tell: Teller,
 ) -> int:
     """Make one capture of all FILEs, in the order of time.
 
@@ -110,9 +113,9 @@ def merge(
             anonymise=anonymise,
             overwrite=force,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
-        say(wrote(outputs))
+        tell.talk(wrote(outputs))
     return status

@@ -124,6 +124,20 @@ with_force = click.option("--force", is_flag=True, help="Replace files that are 
 """Of every command that writes a file."""
 
 
+def with_quiet(command: Command) -> Command:
+    """Add -q to a command, which gets ``tell``: what it says beside its data goes through that."""
+
+    def gather(given: dict[str, Any]) -> dict[str, Any]:
+        from sniffer.cli.streams import say
+        from sniffer.jobs.telling import Teller
+
+        tell = Teller(say, quiet=given.pop("quiet"))
+        return {**given, "tell": tell}
+
+    quiet = click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong.")
+    return gathered(command, [quiet], gather)
+
+
 with_anonymise = click.option(
     "--anonymise",
     is_flag=True,

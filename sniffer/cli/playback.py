@@ -14,11 +14,11 @@ from sniffer.cli.options import Command, gathered
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
-from sniffer.jobs.telling import Teller
 
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options
     from sniffer.jobs.playback import PlayedBack
+    from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
     from sniffer.simulation.play.outlet import Written
 
@@ -107,6 +107,7 @@ def play_on(
     loop: bool,
     outputs: tuple[Path, ...],
     force: bool,
+    tell: Teller,
 ) -> int:
     """Play a recording on ports; return the exit status."""
     from sniffer.jobs.playback import PlayedPorts, PlayedRole, play_back
@@ -141,7 +142,7 @@ def play_on(
             outputs=outputs,
             overwrite=force,
             stop=stop,
-            tell=Teller(say),
+            tell=tell,
         )
     return _told(done)
 

@@ -19,12 +19,12 @@ from sniffer.cli.options import (
     examples,
     files_here,
     with_format,
+    with_quiet,
     with_together,
 )
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.wording import plain
 from sniffer.jobs.query import Answer
@@ -56,6 +56,7 @@ LOOK: Final = 1000
 @with_rows
 @decoding
 @with_format("text", "json", "csv", about="What is printed: json is a line a row.")
+@with_quiet
 def query(
     sql: str,
     files: tuple[str, ...],
@@ -65,6 +66,7 @@ def query(
     together: bool,
     window: Window | None,
     selection: Selection | None,
+    tell: Teller,
 ) -> int:
     """Answer one SELECT over the records of FILE, in DuckDB's SQL.
 
@@ -86,10 +88,10 @@ def query(
             window=window,
             selection=selection,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     for summary in answer.summaries:
-        say_selected(summary)
+        say_selected(summary, tell)
     if output_format == "csv":
         table = csv.writer(sys.stdout, lineterminator="\n")
         table.writerow(answer.columns)

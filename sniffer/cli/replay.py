@@ -17,6 +17,7 @@ from sniffer.cli.options import (
     files_here,
     with_color,
     with_force,
+    with_quiet,
     with_times,
 )
 from sniffer.cli.playback import play_on, refuse_with_port, refuse_without_port, with_playback
@@ -76,6 +77,7 @@ from sniffer.sinks.standard import Standard
 )
 @with_force
 @with_playback
+@with_quiet
 def replay(
     file: str,
     options: Options,
@@ -92,6 +94,7 @@ def replay(
     selection: Selection | None,
     to: tuple[str, ...],
     playback: dict[str, Any],
+    tell: Teller,
 ) -> int:
     """Play FILE (a recording, or any capture) again through the console or Rerun, or on a port.
 
@@ -114,6 +117,7 @@ def replay(
             loop=loop,
             outputs=outputs,
             force=force,
+            tell=tell,
         )
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
@@ -145,7 +149,7 @@ def replay(
             outputs=outputs,
             overwrite=force,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     return status_of(ending)
 

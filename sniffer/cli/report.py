@@ -6,11 +6,10 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_force, with_quiet
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import MISTAKE, status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.wording import counted
 from sniffer.jobs.report import report as write_report
@@ -36,6 +35,7 @@ from sniffer.selection.places import Window
     help="A page (.html) or Markdown (.md); without it Markdown is printed.",
 )
 @with_force
+@with_quiet
 def report(
     file: str,
     options: Options,
@@ -43,6 +43,7 @@ def report(
     output: Path | None,
     force: bool,
     window: Window | None,
+    tell: Teller,
 ) -> int:
     """Write a report on FILE (- is standard input): one page, to attach to a bug report.
 
@@ -60,12 +61,12 @@ def report(
             overwrite=force,
             window=window,
             patience=patience,
-            tell=Teller(say),
+            tell=tell,
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if output is None and status != MISTAKE:
         click.echo(done.as_text(), nl=False)
     elif status != MISTAKE:
         found = len(done.content.incidents)
-        say(f"wrote {output}: {counted(found, 'incident') if found else 'no incident'}")
+        tell.talk(f"wrote {output}: {counted(found, 'incident') if found else 'no incident'}")
     return status

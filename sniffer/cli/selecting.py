@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sniffer.cli.options import Command, Whole, gathered
-from sniffer.cli.streams import say
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
@@ -15,6 +14,7 @@ from sniffer.ground.naming import worded
 
 if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary
+    from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
 
@@ -179,12 +179,12 @@ def row_options() -> frozenset[str]:
     return frozenset(name for option in selecting.params for name in option.opts)
 
 
-def say_selected(summary: Summary) -> None:
+def say_selected(summary: Summary, tell: Teller) -> None:
     """Say beside what is printed for programs that it is of a selection, and of how much."""
     if summary.shown:
         from sniffer.sinks.report import selected
 
-        say(selected(summary))
+        tell.talk(selected(summary))
 
 
 def _window(given: dict[str, Any]) -> dict[str, Any]:

@@ -14,13 +14,13 @@ from sniffer.cli.options import (
     examples,
     files_here,
     with_format,
+    with_quiet,
     with_together,
 )
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.amounts import time_in
 from sniffer.jobs.stats import stats as count
@@ -68,6 +68,7 @@ def _width(context: click.Context, parameter: click.Parameter, given: str | None
     "1s, 100ms, 1min.",
 )
 @click.option("--all", "all_rows", is_flag=True, help="Print all rows of long tables.")
+@with_quiet
 def stats(
     files: tuple[str, ...],
     options: Options,
@@ -78,6 +79,7 @@ def stats(
     together: bool,
     window: Window | None,
     selection: Selection | None,
+    tell: Teller,
 ) -> int:
     """Count and measure what each FILE holds.
 
@@ -104,12 +106,12 @@ def stats(
                 selection=selection,
                 every_ns=every_ns,
                 patience=patience,
-                tell=Teller(say),
+                tell=tell,
             )
         status = max(status, status_of(done.ending, is_lost=False))
         figures = done.as_dict()
         if output_format != "text":
-            say_selected(done.summary)
+            say_selected(done.summary, tell)
         if output_format == "json":
             click.echo(json.dumps(figures))
         elif output_format == "csv":

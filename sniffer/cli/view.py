@@ -6,19 +6,28 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Renamed, Whole, decoding, examples, files_here, with_force
+from sniffer.cli.options import (
+    Renamed,
+    Whole,
+    decoding,
+    examples,
+    files_here,
+    with_force,
+    with_quiet,
+)
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.needs import need_rerun
 from sniffer.jobs.convert import convert
+from sniffer.jobs.session import bytes_of
 from sniffer.jobs.telling import Teller
 from sniffer.jobs.view import view as shown
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
+from sniffer.sources.several import name_of
 
 
 @click.command(
@@ -51,6 +60,7 @@ from sniffer.selection.selection import Selection
     type=Whole(1, 65535),
     help="Port of the web page, on this machine.",
 )
+@with_quiet
 def view(
     file: str,
     options: Options,
@@ -61,6 +71,7 @@ def view(
     port: int | None,
     window: Window | None,
     selection: Selection | None,
+    tell: Teller,
 ) -> int:
     """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
     if output is not None and web:
@@ -68,8 +79,7 @@ def view(
     if port is not None and not web:
         raise click.UsageError("--web-port goes with --web")
     need_rerun()
-    tell = Teller(say)
-    with patient() as patience:
+    with patient() as patience, bytes_of(name_of(file)):
         if output is None:
             done = shown(
                 file,
@@ -82,7 +92,7 @@ def view(
                 patience=patience,
                 tell=tell,
             )
-            say_selected(done.summary)
+            say_selected(done.summary, tell)
             return status_of(done.ending)
         if output.suffix != ".rrd":
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
@@ -97,7 +107,7 @@ def view(
             patience=patience,
             tell=tell,
         )
-    say_selected(done.summary)
+    say_selected(done.summary, tell)
     if not done.gone:
-        say(f"wrote {output}: open it with `rerun {output}`")
+        tell.talk(f"wrote {output}: open it with `rerun {output}`")
     return status_of(done.ending, is_lost=bool(done.gone))

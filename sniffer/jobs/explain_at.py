@@ -18,9 +18,11 @@ from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at
 from sniffer.jobs.order import merged
+from sniffer.jobs.session import bytes_of
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import names_anomaly, place_in
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,7 +79,10 @@ def explain_at(
     bus, offset = place.bus or None, place.number
     told: list[str] = []
     of_byte = place.sought == "byte"
-    with open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened:
+    with (
+        bytes_of(name_of(source)),
+        open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened,
+    ):
         options = options.with_facts(opened.facts(), opened.tables)
         if not of_byte:
             bus, offset, *told = evidence_at(place, opened, options)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import InputError
 from sniffer.jobs.asked import only_bus
-from sniffer.jobs.session import run_source
+from sniffer.jobs.session import bytes_of, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.simulation.buses import BUSES
 from sniffer.simulation.faults import DROP, Fault
@@ -15,6 +15,7 @@ from sniffer.simulation.likeness import SeenSink
 from sniffer.simulation.play.scenario import Scenario
 from sniffer.simulation.provenance import known_registers
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +51,10 @@ def scenario_like(
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     sink = SeenSink()
-    with open_source(source, input_format, again=True, wiring=options.wired) as opened:
+    with (
+        bytes_of(name_of(source)),
+        open_source(source, input_format, again=True, wiring=options.wired) as opened,
+    ):
         options = options.with_facts(opened.facts(), opened.tables)
         run_source(opened, options, [sink], name=str(source), tell=tell)
     seen = sink.buses[only_bus(str(source), list(sink.buses), buses)]

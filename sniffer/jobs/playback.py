@@ -20,7 +20,7 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts
 from sniffer.jobs.replay import peek, spoken_by, timed, usual_baud
-from sniffer.jobs.session import Ending, run_source
+from sniffer.jobs.session import Ending, bytes_of, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.playback.controller import ControllerPlayer
 from sniffer.playback.exchanges import ExchangeSink
@@ -33,6 +33,7 @@ from sniffer.simulation.play.opening import opened_port
 from sniffer.simulation.play.outlet import FrameWriter, unnoted
 from sniffer.simulation.play.player import Player, SimulatedClock, Stop
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -287,7 +288,10 @@ def _heard(stage: _Stage, others: Sequence[Sink] = ()) -> tuple[ExchangeSink, st
     """
     sink = ExchangeSink()
     every = [sink, *others]
-    _, ending = run_source(stage.opened, stage.options, every, name=stage.source, tell=stage.tell)
+    with bytes_of(name_of(stage.source)):
+        _, ending = run_source(
+            stage.opened, stage.options, every, name=stage.source, tell=stage.tell
+        )
     stage.refuse_if_stopped()
     bus = only_bus(stage.source, list(sink.buses), stage.buses)
     if not sink.buses[bus]:

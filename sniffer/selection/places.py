@@ -76,6 +76,8 @@ class CapturePlace:
         """
         if self.kind == SINCE:
             return (first_ns or 0) + self.ns
+        if self.sought:  # found: a time that the decoder gave, of the wire's pace without a clock
+            return self.ns
         if first_ns is None:
             told = "{place}: the input has no clock: count from its beginning, as in 2.5 or 10min"
             raise InputError(Sentence(told, place=self.text))
