@@ -9,6 +9,7 @@ import os
 import sys
 import time
 
+from sniffer.ground.collecting import collect_seldom
 from sniffer.ground.loading import Loading, leave
 
 TYPE_CHECKING = False  # of typing: nothing is loaded that can wait
@@ -101,6 +102,7 @@ def _again(thread: int) -> None:
 
 def main() -> None:
     """Run the command line and exit with its status."""
+    collect_seldom()
     interruptions = Interruptions()
     atexit.register(interruptions.leave)  # the first one comes last: threads have ended by then
     with interruptions:

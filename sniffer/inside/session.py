@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.options import Options
+from sniffer.ground.collecting import Promptly
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_textual
 from sniffer.inside.index import CaptureIndex
@@ -74,7 +75,8 @@ def look_inside(
                 wanted="" if selection is None else selection.text,
                 start=start,
             )
-            glass.run()
+            with Promptly():
+                glass.run()
         finally:
             sys.setswitchinterval(before)
             reading.stop()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.detect import ENOUGH
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
+from sniffer.ground.collecting import Promptly
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
@@ -163,6 +164,7 @@ def play_back(
             options = options.with_facts(opened.facts(), opened.tables)
         stop = stop or stack.enter_context(contextlib.closing(Stop()))
         heard = Derived(opened, functools.partial(_until, stop), opened.facts())
+        stack.enter_context(Promptly())
         stage = _Stage(heard, str(source), options, tuple(buses), ports, stop, tell)
         try:
             if role == PlayedRole.LINE:

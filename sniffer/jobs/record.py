@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
+from sniffer.ground.collecting import Promptly
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.ground.needs import need_foxglove, need_rerun
 from sniffer.jobs.files import check_files, open_files
@@ -273,7 +274,7 @@ def run_recording(
         # What is there by now stays: looking through all of it again would keep the reader waiting.
         gc.collect()
         gc.freeze()
-        with leaving(screen):
+        with Promptly(), leaving(screen):
             ended, failure = _recorded(recorder, pipeline, file, live, reactions)
     finally:
         gc.unfreeze()

@@ -6,6 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sniffer.ground.collecting import Promptly
 from sniffer.ground.files import refuse_occupied
 from sniffer.ground.model import NS, SnifferError
 from sniffer.ground.wording import Sentence
@@ -93,7 +94,8 @@ def play(
             stack.callback(_close, told, repeated or bus, clock, responder)
         if ready is not None:
             ready(first.name, None if second is None else second.name)
-        _play(scenario, clock, stop, bus, repeated, told, responder)
+        with Promptly():
+            _play(scenario, clock, stop, bus, repeated, told, responder)
         bus.finish()
         if repeated is not None:
             repeated.finish()
