@@ -23,8 +23,9 @@ from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import NS, Chunk, MarkKind
+from tests.lists import each_in_turn
 
-EVERY = pytest.mark.parametrize("protocol", DIALECTS)
+EVERY = each_in_turn(2, "protocol", DIALECTS)
 HOST = pytest.mark.parametrize("host", HOSTS)
 BIT = NS / 115200
 
@@ -133,7 +134,7 @@ def some_scenarios() -> list[Scenario]:
     return out
 
 
-@pytest.mark.parametrize("scenario", some_scenarios(), ids=lambda s: s.name)
+@each_in_turn(2, "scenario", some_scenarios(), ids=lambda s: s.name)
 def test_a_scenario_is_traffic_in_order_and_the_same_for_the_same_seed(scenario: Scenario) -> None:
     heard = scenario.make(5)
     assert sum(len(h.wire) for h in heard) > 100

@@ -25,6 +25,7 @@ from sniffer.viewers.board.line import line, statistics
 from sniffer.viewers.board.state import QUANTITIES
 from sniffer.viewers.screen import LINE, Screen
 from tests.happenings import finding, incident
+from tests.lists import in_turn
 from tests.streams.mightyzap import packet
 from tests.wires import START_NS, feed, lines_of, shown_by, status_of, wire
 
@@ -42,6 +43,7 @@ def row_of(lines: Sequence[str], servo: int) -> str:
 EIGHT: Final = tuple((f"bus{n}", name) for n, name in enumerate(tuple(BUSES) * 2))
 
 
+@in_turn(3)
 @pytest.mark.parametrize(("width", "height"), SIZES)
 @pytest.mark.parametrize("servos", [3, 12])
 @pytest.mark.parametrize("protocol", BUSES)
@@ -96,6 +98,7 @@ def test_more_buses_than_lines_are_counted() -> None:
     assert any("more buses" in one for one in lines)
 
 
+@in_turn(2)
 @pytest.mark.parametrize("width", [80, 140])
 @pytest.mark.parametrize("protocol", BUSES)
 def test_the_last_values_are_shown_with_their_units(protocol: str, width: int) -> None:

@@ -31,6 +31,7 @@ from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
 from sniffer.sinks.words import FrameWords, values_in_words
 from sniffer.sources import open_source
+from tests.lists import each_in_turn
 from tests.streams import chunked, damaged, stream
 from tests.streams.members import NAMES, example
 from tests.streams.members import stream as example_stream
@@ -160,7 +161,7 @@ def test_frames_that_state_nothing_are_put_in_words_once(monkeypatch: pytest.Mon
     assert len(made) == 1
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@each_in_turn(2, "name", KNOWN)
 @given(data=st.data())
 def test_the_lines_of_a_protocol_are_its_rows(name: str, data: st.DataObject) -> None:
     protocol, talk = KNOWN[name]

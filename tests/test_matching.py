@@ -13,6 +13,7 @@ from sniffer.decoding.reference.pending import matched
 from sniffer.ground.codes import MANY, MUST, NEVER, REQUEST, RESPONSE, UNSOLICITED
 from sniffer.ground.model import ANY_ID, NO_ALT, Frames
 from sniffer.protocols.base import SlowFrame
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -108,6 +109,7 @@ def drawn(case: int) -> tuple[Traffic, I64 | None]:
     return traffic, segment
 
 
+@in_turn(3)
 @pytest.mark.parametrize("first", range(0, 600, 100))
 @pytest.mark.parametrize("sparse", [matching.SPARSE, 1], ids=["usual", "each_looked_at"])
 def test_columns_match_as_the_slow_way_does(
@@ -124,6 +126,7 @@ def test_columns_match_as_the_slow_way_does(
     assert seen > 1000
 
 
+@in_turn(2)
 @pytest.mark.parametrize("first", range(0, 200, 50))
 def test_answers_claimed_by_requests_before_the_rows_leave_the_others_as_they_are(
     first: int,

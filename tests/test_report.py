@@ -22,6 +22,7 @@ from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import FLIP, Fault
 from sniffer.simulation.render import candump, frame_reads
 from tests.commands import forbidden, log, sniffer, talk, within
+from tests.lists import in_turn
 from tests.recordings import keep
 from tests.recordings import talk as simulated
 
@@ -73,6 +74,7 @@ def recorded(path: Path, facts: dict[str, str]) -> None:
     sink.close()
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: str(p.name))
 def test_the_verdict_of_a_report_comes_first_and_is_that_of_the_diagnosis(
     capture: Path, tmp_path: Path, capsys: Capsys
@@ -98,6 +100,7 @@ def test_what_was_told_once_is_one_time(tmp_path: Path, capsys: Capsys) -> None:
     assert "· 1 time " in Reader((tmp_path / "x.html").read_text()).text
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: str(p.name))
 def test_every_place_of_an_incident_that_is_shown_has_its_bytes_as_they_are_in_the_capture(
     capture: Path, tmp_path: Path
@@ -141,6 +144,7 @@ def test_a_frame_whose_checksum_is_wrong_is_drawn_field_by_field(
         assert sent != expected
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", CAPTURES, ids=lambda p: str(p.name))
 def test_a_page_fetches_nothing_and_may_not(capture: Path, tmp_path: Path, capsys: Capsys) -> None:
     page = page_of(capsys, capture, tmp_path)
@@ -159,6 +163,7 @@ def test_a_page_fetches_nothing_and_may_not(capture: Path, tmp_path: Path, capsy
     assert f"script-src 'sha256-{digest}'" in policy
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", CAPTURES, ids=lambda p: str(p.name))
 def test_a_page_is_well_formed(capture: Path, tmp_path: Path, capsys: Capsys) -> None:
     page = page_of(capsys, capture, tmp_path)

@@ -172,7 +172,7 @@ def test_a_viewer_that_hangs_loses_groups_and_then_goes_on(
     view: Any, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(parent, "CLOSE_S", PATIENCE_S)  # it is slow here, it does not hang
-    first, flood, rest = talk(500), busy(250_000), talk(500, first_ms=300_000)
+    first, flood, rest = talk(500), busy(180_000), talk(500, first_ms=300_000)
     with saver(tmp_path / "a.rrd") as (process, url):
         live = view(CONNECT, url=url)
         fed(live, first)
