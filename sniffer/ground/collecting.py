@@ -16,7 +16,7 @@ USUAL: Final = gc.get_threshold()
 
 SELDOM: Final = 250_000
 """So many objects more than at the last look are there at the next one. What nothing holds is freed
-at once all the same: 1 MB of bytes as JSON lines takes 262 MB instead of 257."""
+at once all the same."""
 
 
 def collect_seldom() -> None:
