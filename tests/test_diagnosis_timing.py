@@ -74,6 +74,15 @@ def test_a_person_who_stops_the_program_for_seconds_is_no_stall() -> None:
     assert not talk.diagnosed().incidents()
 
 
+@pytest.mark.parametrize(("times", "told"), [(3, False), (6, True)])
+def test_rests_that_a_person_may_have_made_are_a_stall_if_they_are_never_long(
+    times: int, told: bool
+) -> None:
+    rests = {60 + 70 * k: 700 + 150 * k for k in range(times)}
+    talk = robot("mightyzap", 12 + times, before=lambda talk, n: talk.rest(rests.get(n, 0)))
+    assert ("loop-stalls" in codes(talk.diagnosed())) == told
+
+
 def test_a_program_that_rests_before_each_move_does_not_stall() -> None:
     rng = random.Random(3)
     talk = Conversation("mightyzap")

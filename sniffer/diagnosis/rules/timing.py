@@ -101,7 +101,9 @@ PERSON_NS: Final = NS // 2
 doing, unless it happens time and again and never lasts long."""
 
 PERSON_MOST_NS: Final = 2 * NS
-PERSON_TIMES: Final = 3
+PERSON_TIMES: Final = 5
+"""So many times: of a person's rests of up to six seconds three are that short once in fifty
+captures by chance, five once in seven hundred."""
 
 FULL: Final = 0.85
 """Busy share of a full line: between two frames stands no more than what servos take to answer."""
