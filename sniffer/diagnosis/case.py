@@ -10,9 +10,9 @@ import numpy as np
 from sniffer.diagnosis.buckets import BUCKET_NS
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
-from sniffer.diagnosis.ledger import MILLI, Ledger
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
+from sniffer.diagnosis.steps import MILLI
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.ledger import Ledger
     from sniffer.diagnosis.misread import Misread
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register

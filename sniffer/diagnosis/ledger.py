@@ -25,7 +25,7 @@ from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
-from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.steps import MILLI, Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
@@ -49,9 +49,6 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.ground.model import I64, Batch, Frames
     from sniffer.protocols.base import BusProtocol
-
-MILLI: Final = 1000
-"""Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
 
 FINE_OCTAVE: Final = 64
 """Periods are known to 1 %: whether one is a multiple of another turns on less than 4."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.buckets import in_groups
+from sniffer.diagnosis.steps import MILLI, SPEED
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
     from sniffer.protocols.base import BusProtocol
 
-AT_MOST: Final = {"deg": 500.0, "mm": 133.0}
-"""Speed of the fastest servos of these kinds, without load (0.11 s for 60 degrees, 112 mm/s)."""
-
 LATE_NS: Final = 20_000_000
 """By how much one value may be stamped later than the next: an adapter's timer, and the host."""
 
@@ -30,9 +28,8 @@ TURN: Final = 0.8
 """A step of more than this part of the register's range is a turn that begins anew."""
 
 KEPT: Final = 48
-
-_PARTS: Final = 1000
-"""Values are in thousandths of the unit."""
+"""Of each servo and register the first so many are kept, with their frames; ``Steps`` keeps the
+greatest steps, which are few, and of no frame."""
 
 
 class Return(NamedTuple):
@@ -79,15 +76,16 @@ class Returns:
     def __init__(self, protocol: BusProtocol) -> None:
         registers = protocol.registers
         self._count = len(registers)
-        speeds = [AT_MOST.get(r.unit, 0.0) if r.quantity == "position" else 0.0 for r in registers]
+        speeds = [SPEED.get(r.unit, 0.0) if r.quantity == "position" else 0.0 for r in registers]
         spans = [np.ptp(r.range) * abs(r.scale) if r.range else np.inf for r in registers]
-        self._speed: F64 = _PARTS * np.array(speeds)
-        self._turn: F64 = _PARTS * TURN * np.array(spans, np.float64)
+        self._speed: F64 = MILLI * np.array(speeds)
+        self._turn: F64 = MILLI * TURN * np.array(spans, np.float64)
         self._last: dict[int, tuple[_Met, ...]] = {}
         self._of: dict[int, Returned] = {}
         self._seen: dict[int, int] = {}
+        """How many values there were, by key."""
         self._since: dict[int, int] = {}
-        """By key: how many values there were; which of them was the first that was far away."""
+        """Which of them was the first that was far away."""
 
     def add(self, who: I64, value: I64, t_ns: I64, at: I64, frame: Callable[[int], bytes]) -> None:
         """Take values: ``who`` is the servo times the number of registers, plus the register.

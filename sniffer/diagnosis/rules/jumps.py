@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.steps import MILLI, SPEED
 from sniffer.diagnosis.tracks import FAR, in_force, track
 from sniffer.ground.model import NS
 
@@ -36,12 +36,9 @@ FINDINGS: Final = (
     ),
 )
 
-FASTEST: Final = {"deg": 1500.0, "mm": 400.0}
-"""Three times the speed without load of the fastest servos of these kinds (0.11 s for 60 degrees,
-112 mm/s)."""
-
 OVER: Final = 3.0
-"""How many times what the fastest can that is: who is back from there at once was not there."""
+"""How many times what the fastest servo can a jump is; who is back from there at once needs no more
+than what it cannot: it was not there."""
 
 AHEAD: Final = 4.0
 """How many times the greatest of the usual steps a jump is."""
@@ -134,14 +131,14 @@ def _rests_there(case: Case, p: Series, s: Leap, follows: Leap | None) -> bool:
 
     Both ways are faster than its motor can be, and no goal lies there: it does not bounce either.
     """
-    if follows is None or follows.before != s.after or p.unit not in FASTEST or not case.has_clock:
+    if follows is None or follows.before != s.after or p.unit not in SPEED or not case.has_clock:
         return False
     stays_ns = follows.t_ns - follows.took_ns - s.t_ns
     return (
         stays_ns <= SOON_NS
         and abs(follows.after - s.before) <= BACK * s.size
         and all(
-            leap.size / MILLI * NS > FASTEST[p.unit] / OVER * (leap.took_ns + case.latency_ns)
+            leap.size / MILLI * NS > SPEED[p.unit] * (leap.took_ns + case.latency_ns)
             for leap in (s, follows)
         )
     )
@@ -154,10 +151,10 @@ def _returns(steps: Sequence[Leap], k: int) -> bool:
 
 def _is_too_fast(case: Case, p: Series, s: Leap) -> bool:
     """Tell whether a step is faster than any joint, however late the stamps are."""
-    if not case.has_clock or p.unit not in FASTEST or s.took_ns <= 0:
+    if not case.has_clock or p.unit not in SPEED or s.took_ns <= 0:
         return False
     seconds = (s.took_ns + case.latency_ns) / NS
-    return s.size / MILLI > FASTEST[p.unit] * seconds
+    return s.size / MILLI > OVER * SPEED[p.unit] * seconds
 
 
 def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding:

@@ -12,8 +12,9 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
-from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.returns import Returned
+from sniffer.diagnosis.steps import MILLI
 from sniffer.diagnosis.tracks import in_force
 from sniffer.ground.model import NS
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.returns import Return, Returned
+    from sniffer.diagnosis.returns import Return
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -32,12 +33,15 @@ FINDINGS: Final = (
         "moves, and as no misread bit makes it.",
         "One in ten of its positions at least, and six, is so far from the one before it and from the one "
         "behind it, on the same side, that the fastest servo could not get there and back (500 degrees "
-        "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as with others, and twice as often as requests are torn or second answers come. Of those that are kept fewer than "
-        "three in four differ in one bit, and fewer are the other's last bits read early, or late.",
+        "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as "
+        "with others, and twice as often as requests are torn or second answers come. Of those that are "
+        "kept fewer than three in four differ in one bit, and fewer are the other's last bits read early, "
+        "or late.",
     ),
 )
 
 LEAST: Final = 6
+"""Positions that must be so."""
 
 LEAST_UNTIMED: Final = 24
 """The same where nobody knows how fast that would be: times are counted from the bytes."""
@@ -53,6 +57,8 @@ PLAIN: Final = 0.75
 look so, too."""
 
 WITHIN_NS: Final = NS
+"""A joint may be on its way to a goal that was stated so long before."""
+
 SOME: Final = 0.05
 """Part of the first bytes that end with a high bit if that is the stop bit."""
 
@@ -60,6 +66,8 @@ DISPLACED: Final = 0.5
 """How many answers out of place there may be for each position that is far away."""
 
 NEARLY: Final = 0.8
+"""How far on the way to a place a goal must lie to send a joint there."""
+
 TOLD: Final = 0.75
 """Part of them that may be where a goal of the last moments was: it may be faster than is thought."""
 
@@ -69,6 +77,12 @@ NEAR: Final = 2
 APART: Final = 24
 """Places that are further from each other say nothing of what is between them."""
 
+MISSED: Final = range(1, 8)
+"""How many bits may be over when a fast clock takes one for the start."""
+
+LAST: Final = range(4, 8)
+"""Which bit may be the first one that is read early or late, by how far a clock is off."""
+
 
 def scatter(case: Case) -> Iterator[Finding]:
     """Find servos whose places are here and there."""
@@ -76,13 +90,14 @@ def scatter(case: Case) -> Iterator[Finding]:
         return
     least = LEAST if case.has_clock else LEAST_UNTIMED
     found = {servo: _most(case, servo) for servo in case.servos}
+    values = {servo: _values(case, servo) for servo in case.servos}
+    far, all_of = sum(r.n for r in found.values()), sum(values.values())
+    displaced = _displaced(case)
     for servo, returned in found.items():
-        others = [r for s, r in found.items() if s != servo]
-        values = {s: _values(case, s) for s in case.servos}
-        rest = sum(r.n for r in others) / max(sum(values.values()) - values[servo], 1)
+        rest = (far - returned.n) / max(all_of - values[servo], 1)
         if returned.n < max(least, SHARE * returned.of, AHEAD * rest * returned.of):
             continue
-        if _displaced(case) > DISPLACED * returned.n:
+        if displaced > DISPLACED * returned.n:
             continue
         told = sum(_was_told(case, servo, r) for r in returned.kept)
         if told > TOLD * len(returned.kept):
@@ -94,7 +109,7 @@ def scatter(case: Case) -> Iterator[Finding]:
 def _most(case: Case, servo: int) -> Returned:
     """Return what is known of the position that is there and back most often."""
     all_of = [case.ledger.returns.of(servo, p.index) for p in case.every(servo, "position")]
-    return max(all_of, key=lambda r: r.n, default=case.ledger.returns.of(-1, -1))
+    return max(all_of, key=lambda r: r.n, default=Returned())
 
 
 def _values(case: Case, servo: int) -> int:
@@ -188,12 +203,6 @@ def _is_begun_late(sent: int, got: int) -> bool:
     later low bit stands for it. The stop bit is taken for the last bit then, too, sooner or later.
     """
     return any(got == (sent >> missed | 0xFF << 8 - missed & 0xFF) for missed in MISSED)
-
-
-MISSED: Final = range(1, 8)
-
-LAST: Final = range(4, 8)
-"""Which bit may be the first one that is read early or late, by how far a clock is off."""
 
 
 def _mixed(sent: int, moved: int, first: int) -> int:
