@@ -22,7 +22,7 @@ from tests.forked import can_fork, server
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
 
@@ -128,15 +128,20 @@ def damaged(data: bytes) -> bytes:
 
 def log(data: bytes, *, start_ns: int = 1_700_000_000_000_000_000) -> str:
     """Write mightyZAP talk down as a log with times, a line a frame."""
-    decoder = Decoder("mightyzap")
     t, lines = start_ns, list[str]()
+    for frame, kind in frames_of(data):
+        t += len(frame) * 173_611 + (600_000 if kind == RESPONSE else 900_000)
+        lines.append(f"({t // 10**9}.{t % 10**9 // 1000:06d}) bus0 #{frame.hex().upper()}\n")
+    return "".join(lines)
+
+
+def frames_of(data: bytes) -> Iterator[tuple[bytes, int]]:
+    """Yield the frames of mightyZAP talk, and what kind each is of."""
+    decoder = Decoder("mightyzap")
     for batch in (decoder.feed(Chunk(data)), decoder.close()):
         f = batch.frames
         for start, length, kind in zip(f.start, f.length, f.kind, strict=True):
-            t += int(length) * 173_611 + (600_000 if kind == RESPONSE else 900_000)
-            raw = batch.data[start : start + length].hex().upper()
-            lines.append(f"({t // 10**9}.{t % 10**9 // 1000:06d}) bus0 #{raw}\n")
-    return "".join(lines)
+            yield batch.data[start : start + length], int(kind)
 
 
 def two_buses(path: Path, capture: Path) -> Path:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.rates import Rate, RateSearch, SearchStep
 from sniffer.ground.model import NS, Chunk, Clock, InputError, Mark, MarkKind
@@ -24,7 +23,7 @@ from sniffer.tap import listen
 from sniffer.tap.recorder import Wishes
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
-from tests.commands import talk, within
+from tests.commands import frames_of, talk, within
 from tests.recorder import Collected, assert_true_to_itself, codes, facts, frames_recorded, so_far
 from tests.terminals import LINUX_ONLY, say_until
 
@@ -208,13 +207,12 @@ def test_a_rate_is_told_once_also_where_the_first_frame_begins_with_it() -> None
 
 def exchanges(talk: bytes, least: int = 40) -> list[bytes]:
     """Cut talk between frames: a busy machine may make a pause of any length between two pieces."""
-    decoder, out, begin = Decoder("mightyzap"), [], 0
-    for batch in (decoder.feed(Chunk(talk)), decoder.close()):
-        for start, length in zip(batch.frames.start, batch.frames.length, strict=True):
-            if (end := batch.base + int(start) + int(length)) - begin >= least:
-                out.append(talk[begin:end])
-                begin = end
-    return [*out, talk[begin:]]
+    out = [b""]
+    for frame, _ in frames_of(talk):
+        if len(out[-1]) >= least:
+            out.append(b"")
+        out[-1] += frame
+    return out
 
 
 class Wire:

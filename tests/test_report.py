@@ -6,9 +6,7 @@ import base64
 import hashlib
 import html
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -22,16 +20,19 @@ from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import FLIP, Fault
 from sniffer.simulation.render import candump, frame_reads
 from tests.commands import forbidden, log, sniffer, talk, within
-from tests.lists import in_turn
+from tests.golden import CAPTURES, captures
+from tests.lists import each_in_turn
 from tests.recordings import keep
 from tests.recordings import talk as simulated
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     Capsys = pytest.CaptureFixture[str]
 
-SAMPLES: Final = Path(__file__).parents[1] / "sample_captures"
-DAMAGED: Final = sorted(p for p in SAMPLES.iterdir() if "_damaged" in p.name)
-CAPTURES: Final = sorted(p for p in SAMPLES.iterdir() if p.suffix != ".md")
+DAMAGED: Final = [path for path in captures() if "damaged" in path.name]
+EACH_DAMAGED = each_in_turn(2, "capture", DAMAGED, ids=lambda p: str(p.name))
+EACH = each_in_turn(2, "capture", captures(), ids=lambda p: str(p.name))
 
 EVIL: Final = "<img/src=x/onerror=alert(1)>"
 
@@ -74,8 +75,7 @@ def recorded(path: Path, facts: dict[str, str]) -> None:
     sink.close()
 
 
-@in_turn(2)
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: str(p.name))
+@EACH_DAMAGED
 def test_the_verdict_of_a_report_comes_first_and_is_that_of_the_diagnosis(
     capture: Path, tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -96,12 +96,11 @@ def test_the_verdict_of_a_report_comes_first_and_is_that_of_the_diagnosis(
 
 
 def test_what_was_told_once_is_one_time(tmp_path: Path, capsys: Capsys) -> None:
-    within(capsys, "report", str(SAMPLES / "lss_damaged.log"), "-o", str(tmp_path / "x.html"))
+    within(capsys, "report", str(CAPTURES / "lss_damaged.log"), "-o", str(tmp_path / "x.html"))
     assert "· 1 time " in Reader((tmp_path / "x.html").read_text()).text
 
 
-@in_turn(2)
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: str(p.name))
+@EACH_DAMAGED
 def test_every_place_of_an_incident_that_is_shown_has_its_bytes_as_they_are_in_the_capture(
     capture: Path, tmp_path: Path
 ) -> None:
@@ -144,8 +143,7 @@ def test_a_frame_whose_checksum_is_wrong_is_drawn_field_by_field(
         assert sent != expected
 
 
-@in_turn(2)
-@pytest.mark.parametrize("capture", CAPTURES, ids=lambda p: str(p.name))
+@EACH
 def test_a_page_fetches_nothing_and_may_not(capture: Path, tmp_path: Path, capsys: Capsys) -> None:
     page = page_of(capsys, capture, tmp_path)
     read = Reader(page)
@@ -163,8 +161,7 @@ def test_a_page_fetches_nothing_and_may_not(capture: Path, tmp_path: Path, capsy
     assert f"script-src 'sha256-{digest}'" in policy
 
 
-@in_turn(2)
-@pytest.mark.parametrize("capture", CAPTURES, ids=lambda p: str(p.name))
+@EACH
 def test_a_page_is_well_formed(capture: Path, tmp_path: Path, capsys: Capsys) -> None:
     page = page_of(capsys, capture, tmp_path)
     open_: list[str] = []
@@ -225,7 +222,7 @@ def test_what_a_capture_says_does_not_become_markdown(tmp_path: Path, capsys: Ca
 
 
 def test_a_report_without_an_output_is_printed_as_markdown(capsys: Capsys) -> None:
-    ran = within(capsys, "report", SAMPLES / "mightyzap_damaged.log")
+    ran = within(capsys, "report", CAPTURES / "mightyzap_damaged.log")
     assert ran.status == 0
     assert ran.content
     assert ran.out.startswith("# ")
@@ -256,14 +253,14 @@ def test_a_report_says_what_made_it_and_how_the_capture_was_recorded(
 def test_a_sound_capture_has_no_incident_and_says_on_what_it_was_judged(
     tmp_path: Path, capsys: Capsys
 ) -> None:
-    page = Reader(page_of(capsys, SAMPLES / "mightyzap_clean.log", tmp_path))
+    page = Reader(page_of(capsys, CAPTURES / "mightyzap_clean.log", tmp_path))
     assert "No incident" in page.text
     assert "1506 mightyzap frames of 3 servos" in page.text
     assert "Causes that were weighed" not in page.text
 
 
 def test_without_a_clock_no_time_is_told(tmp_path: Path, capsys: Capsys) -> None:
-    page = Reader(page_of(capsys, SAMPLES / "lss_clean.bin", tmp_path)).text
+    page = Reader(page_of(capsys, CAPTURES / "lss_clean.bin", tmp_path)).text
     assert "No response time is known" in page
     assert "how busy the line was is not known" in page
     assert "none in the input: times are counted from the bytes" in page
@@ -272,7 +269,7 @@ def test_without_a_clock_no_time_is_told(tmp_path: Path, capsys: Capsys) -> None
 def test_response_times_are_told_only_as_far_as_the_stamps_carry_them(
     tmp_path: Path, capsys: Capsys
 ) -> None:
-    page = Reader(page_of(capsys, SAMPLES / "mightyzap_clean.log", tmp_path)).text
+    page = Reader(page_of(capsys, CAPTURES / "mightyzap_clean.log", tmp_path)).text
     assert re.search(r"p99\s+<\d\.\d\d ms", page)
     frames = simulate("mightyzap", seed=1, duration_s=2.0, start_ns=10**18)
     exact = tmp_path / "exact.mcap"
@@ -283,7 +280,7 @@ def test_response_times_are_told_only_as_far_as_the_stamps_carry_them(
 
 
 def test_a_pipe_gives_the_report_that_its_file_gives(tmp_path: Path) -> None:
-    capture = SAMPLES / "mightyzap_damaged.log"
+    capture = CAPTURES / "mightyzap_damaged.log"
     ran = sniffer("report", "-", data=capture.read_bytes())
     whole = sniffer("report", capture)
     assert ran.status == whole.status == 0
@@ -312,7 +309,7 @@ def test_a_report_replaces_nothing_unless_it_is_told_to(
 ) -> None:
     path = tmp_path / f"r{form}"
     path.write_text("dear to somebody", encoding="ascii")
-    command = ("report", SAMPLES / "wck_manual.hex", "-o", path)
+    command = ("report", CAPTURES / "wck_manual.hex", "-o", path)
     ran = within(capsys, *command)
     assert ran.status == 2
     assert ran.complaint == f"{path} is there already: choose another name, or --force"
@@ -324,7 +321,7 @@ def test_a_report_replaces_nothing_unless_it_is_told_to(
 def test_an_output_that_cannot_be_is_refused_before_anything_is_decoded(
     tmp_path: Path, capsys: Capsys
 ) -> None:
-    capture = SAMPLES / "wck_damaged.log"
+    capture = CAPTURES / "wck_damaged.log"
     for name, why in (
         ("r.pdf", f"{tmp_path}/r.pdf: the suffix of a report is one of .html, .md"),
         ("no/r.html", f"{tmp_path}/no/r.html: there is no folder {tmp_path}/no: make it first"),
@@ -345,7 +342,7 @@ def test_a_folder_that_may_not_be_written_is_told_before_anything_is_decoded(
     folder = tmp_path / "mine"
     folder.mkdir()
     folder.chmod(0o555)
-    ran = forbidden(folder, "report", SAMPLES / "wck_damaged.log", "-o", folder / "r.html")
+    ran = forbidden(folder, "report", CAPTURES / "wck_damaged.log", "-o", folder / "r.html")
     assert (ran.status, ran.err) == (
         2,
         f"sniffer: {folder / 'r.html'}: no permission to write it\n",
@@ -370,36 +367,3 @@ def test_several_buses_are_told_apart(tmp_path: Path, capsys: Capsys) -> None:
     page = Reader(page_of(capsys, capture, tmp_path)).text
     assert "bus0 servo 1" in page
     assert "leg servo 1" in page
-
-
-def test_a_bus_with_very_many_servos_has_a_page_of_bounded_size(
-    tmp_path: Path, capsys: Capsys
-) -> None:
-    capture = tmp_path / "many.log"
-    frames = simulate(
-        "lss", seed=1, servo_ids=range(1, 120), rate_hz=4, start_ns=10**18, duration_s=2.0
-    )
-    capture.write_text(candump(frame_reads(frames)), encoding="ascii")
-    page = page_of(capsys, capture, tmp_path)
-    assert len(page.encode()) < 3_000_000
-    told = Reader(page).text
-    assert "servo 119" in told
-    assert re.search(r"and \d+ further servos: figures above, no curves", told)
-
-
-def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
-    tmp_path: Path, capsys: Capsys
-) -> None:
-    capture = tmp_path / "many.mcap"
-    part = simulated("mightyzap", 0.3)
-    facts = {f"fact {k}": "x y " * 2_000 for k in range(300)}
-    sink = McapSink(capture, facts)
-    for k in range(60):
-        sink.raw(f"bus{k}", [replace(chunk, bus=f"bus{k}") for chunk in part])
-    sink.close()
-    page = page_of(capsys, capture, tmp_path, "--protocol", "mightyzap")
-    assert len(page.encode()) < 3_000_000
-    told = Reader(page).text
-    assert "and 44 further buses: without curves" in told
-    assert re.search(r"and \d+ more facts", told)
-    assert "bus59" in told

@@ -24,8 +24,9 @@ from sniffer.statistics.figures import DRAWN, ERROR, LONGEST, SHORTEST, Range, S
 from sniffer.statistics.figures import Extreme as End
 from sniffer.statistics.grid import BUCKETS, CURVES, FINEST_NS, Grid
 from tests.commands import within
+from tests.golden import CAPTURES
 from tests.recordings import talk
-from tests.test_report import SAMPLES, Reader, page_of
+from tests.test_report import Reader, page_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -342,7 +343,7 @@ def test_the_error_is_that_of_the_last_goal_before_each_position() -> None:
 
 def test_times_that_count_from_zero_are_no_day_of_1969(tmp_path: Path, capsys: Capsys) -> None:
     nobodys = tmp_path / "nobodys.mcap"
-    within(capsys, "cut", SAMPLES / "wck_clean.log", "-o", nobodys, "--to", "1", "--anonymise")
+    within(capsys, "cut", CAPTURES / "wck_clean.log", "-o", nobodys, "--to", "1", "--anonymise")
     for told in (
         Reader(page_of(capsys, nobodys, tmp_path)).text,
         within(capsys, "report", nobodys).out,

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pytest
 
-from tests.asked import Question, Told
 from tests.commands import within
 from tests.golden import CAPTURES
 from tests.lists import each_in_turn
+from tests.questions.asking import PROTOCOLS
+from tests.questions.tables import Question, Told
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Capsys = pytest.CaptureFixture[str]
-PROTOCOLS: Final = ("mightyzap", "lss", "rs30x", "wck")
 NS: Final = 1_000_000_000
 
 
