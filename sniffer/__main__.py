@@ -60,8 +60,8 @@ class Interruptions:
         self._status = status
         return status
 
-    def leave(self) -> None:
-        """Be gone, if the program has ended: to take 300 modules apart is a sixth of a command."""
+    def be_gone(self) -> None:
+        """Be gone, if the program has ended: to take 300 modules apart is a tenth of a command."""
         if self._status is None:
             return
         try:
@@ -104,7 +104,7 @@ def main() -> None:
     """Run the command line and exit with its status."""
     collect_seldom()
     interruptions = Interruptions()
-    atexit.register(interruptions.leave)  # the first one comes last: threads have ended by then
+    atexit.register(interruptions.be_gone)  # the first one comes last: threads have ended by then
     with interruptions:
         with Loading():
             from sniffer.cli import run

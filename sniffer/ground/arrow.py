@@ -18,9 +18,9 @@ def leave_pandas_out() -> None:
     """Have pyarrow not look for pandas, if this process is the program's own.
 
     It asks of all that it is given whether that is of pandas, and loads pandas to ask where that is
-    installed: half of the time that a small table takes. In other people's programs it is left to
-    do so: without, it would read their missing values as numbers. To be called before pyarrow was
-    given anything; who loads pandas later, as a plug-in may, finds it.
+    installed: two fifths of the time that a small table takes. In other people's programs it is
+    left to do so: without, it would read their missing values as numbers. To be called before
+    pyarrow was given anything; who loads pandas later, as a plug-in may, finds it.
 
     Raises:
         ImportError: pyarrow is not installed.

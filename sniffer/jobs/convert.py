@@ -113,7 +113,7 @@ def convert(
         tell.talk(part)
     if anonymise:
         opened, options = anonymous(opened, options, tell)
-    # of one file everybody knows which it is
+    # of one file who calls this says which it is, if that is wanted
     with undecided_of(name_of(inputs)) if len(inputs) > 1 else contextlib.nullcontext():
         return convert_opened(
             opened,
