@@ -165,3 +165,14 @@ def test_what_is_no_recording_is_refused_with_what_to_do(capsys: Capsys, name: s
     done = within(capsys, "layout", CAPTURES / name)
     assert (done.status, done.out) == (2, "")
     assert ("convert" in done.complaint) == name.endswith(".log")
+
+
+def test_a_folder_and_a_file_that_is_not_there_are_told_as_everywhere(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    said = [within(capsys, "layout", path) for path in (tmp_path, tmp_path / "no.mcap")]
+    assert [(done.status, done.out) for done in said] == [(2, ""), (2, "")]
+    assert [done.complaint for done in said] == [
+        f"{tmp_path} is a directory: give the recording in it",
+        f"{tmp_path / 'no.mcap'}: there is no such file",
+    ]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sniffer import Chunk, Decoder
-from sniffer.decoding import echo, torn
+from sniffer.decoding import echo, matching, torn
 from sniffer.decoding.pairing import Pairing
 from sniffer.ground.framing import Block, greedy, in_order, settle
 from sniffer.ground.model import Clock
@@ -18,6 +18,7 @@ from sniffer.ground.timing import Stamps
 from sniffer.protocols.lss import block as lss
 from sniffer.protocols.lss import parsing
 from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
+from sniffer.protocols.packets import survey
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.direction import in_turn
 from sniffer.protocols.rs30x import block as rs30x_block
@@ -194,6 +195,27 @@ def test_packets_of_the_controller_take_turns() -> None:
     begin, version = rbc(10, b"\0"), rbc(12, b"\0")
     data = begin * 2 + READ + b"\x07\x63" + version * 3
     check(controller.answers, decoded("wck", data), "follows", "first")
+
+
+def test_a_reply_of_two_bytes_is_described_by_its_command() -> None:
+    data = READ + b"\x07\x63" + command(0x1F, 2, bytes([16, 32]))
+    names = ("start", "command", "kind", "servo_id", "reply", "token")
+    check(wck.describe, decoded("wck", data + READ), *names)
+
+
+def test_answers_left_over_are_matched_in_runs_of_one_key() -> None:
+    asked = SERVO_READS[0] + SERVO_READS[1] + SERVO_READS[0]
+    data = asked + ANSWERS[1] + ANSWERS[0] * 2
+    names = ("servo", "back", "order", "first", "middle", "rank", "mirror", "step", "hit")
+    check(matching._Rows.by_key, decoded("mightyzap", data), *names)
+
+
+def test_a_torn_packet_and_a_wrong_one_are_judged_each_by_its_header() -> None:
+    wrong = ANSWERS[0][:-1] + bytes([ANSWERS[0][-1] ^ 1])
+    decoder = Decoder("mightyzap")
+    decoder.feed(Chunk(SERVO_READS[0] + wrong + SERVO_READS[1][:5] + SERVO_READS[2] + ANSWERS[2]))
+    names = ("at", "stop", "onward", "cut", "until", "expected", "got")
+    check(survey.survey, decoder.close, *names)
 
 
 def test_torn_bytes_where_an_answer_should_stand() -> None:

@@ -209,6 +209,22 @@ class _Rows:
 
         ``place`` numbers the stretches that these rows were taken from: no run leads from one to
         the next. Returns requests, their answers, and all answers of those runs.
+
+        For example, servo 1 is asked, then 2, then 1 again; 2 answers, then 1 twice::
+
+            servo   1  2  1  2  1  1
+            back    0  1  0  0  1  1        from here on in the order of the keys
+            order   1  3  0  2  4  5        servo 2 and its answer, then what is servo 1's
+            first   1  0  1  0  0  0        two runs
+            middle  1  4                    where the answers of each begin
+            rank    0  0  1                 of each answer in its run
+            mirror  1  2  0                 the question that each would have, last one first
+            step    1  2                    how many of these are open, by run
+            hit     1  4  5                 in ``order``: the rows 3 4 5 answer 1 0 2
+
+        What holds: in a run the answers are in the order of their questions, and the last answer
+        that counts has the last question; a question too many goes without, the first one. To
+        give each answer the nearest open question would turn two answers around.
         """
         f, none = self.frames, np.empty(0, np.int64)
         asks = (f.kind == REQUEST) & (f.reply != NEVER)

@@ -32,12 +32,16 @@ def layout_of(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is no recording, or has nothing to show.
     """
+    if path.is_dir():
+        raise InputError(f"{path} is a directory: give the recording in it")
     try:
         with path.open("rb") as stream:
             made = _attached(stream)
             if made is None:
                 stream.seek(0)
                 made = _made(stream, path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     if made is None:

@@ -31,6 +31,21 @@ def survey(
         totals: bytes of a whole packet, and of an answer with a header of its own, by what tells
             the size; -1, or beyond the end: that tells none.
         sole_id: whose all packets are where none names a servo.
+
+    For example, mightyZAP's answer of nine bytes with one bit wrong, and five bytes of a request::
+
+        bytes      FF FF FF 01 04 00 10 01 E8 | FF FF FF 02 04
+        at         0    9
+        stop       9    18        where each ends by its own size
+        onward     9    14        the next header, or the end of the run
+        cut        0    1         the second one is not all there
+        until      9    14
+        expected   233  9         the checksum that would hold; bytes there should be
+        got        232  5
+
+    What holds: every header of a run is judged alone, by bytes of its run; a size that cannot be
+    ends what it claims behind the size. A walk that went on where the last one ended would let one
+    wrong size hide the headers in what it claims.
     """
     who, (size_at, width) = plan.at.get("servo_id", len(plan.header)), size_place(plan)
     every = runs.find(heads[0])

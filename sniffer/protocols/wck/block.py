@@ -318,12 +318,24 @@ def _spans_of_pairs(start: I64, end: I64, has: I64) -> Spans:
 
 
 def describe(block: Block, spans: Spans) -> Frames:
-    """Tell who is meant, what is expected, and whether a reply repeats what it should."""
+    """Tell who is meant, what is expected, and whether a reply repeats what it should.
+
+    For example, servo 0 is read and answers, then all are moved at once::
+
+        bytes       FF A0 00 20 | 07 63 | FF 1F 02 10 20 30
+        start       0  4  6
+        command     0  0  6            the reply is looked up where its command begins
+        kind        2  2  1            READ, READ, SYNC
+        servo_id    0  0  -1           a move of all names none
+        reply       4  0  0            MUST, NEVER, NEVER
+        token       2  2  0            bytes of the answer
+
+    What holds: a reply says nothing of itself, so a column is one look-up by its command's kind.
+    To describe commands first and copy that to their replies would touch each column twice.
+    """
     data, start, n = block.data, spans.start, len(spans)
     request = spans.kind == REQUEST
     answer = np.flatnonzero(~request)
-    # A reply says nothing of itself: it is described by its command's two bytes. For Q A Q Q A Q A
-    # the commands begin at 0 0 6 12 12 22 22, and one look-up gives the kind of all rows.
     command = start.copy()
     command[answer] = start[in_order(~request)[answer]]
     kind = _commands(data, block.n - DATA2, command) if n else np.empty(0, np.uint8)
