@@ -1,6 +1,6 @@
 """What is wrong with the buses, and why, while they are recorded: beside the recording.
 
-A thread keeps the ledgers and judges them about once a second, or every eight where nobody
+A thread keeps the ledgers and judges them about once a second, or every seven where nobody
 looks; whoever records only hands over what was decoded. Nothing waits for it: what it has no time
 for is left out and counted.
 """
@@ -34,17 +34,13 @@ if TYPE_CHECKING:
 EVERY_S: Final = 0.5
 """How often what was decoded is taken into the ledgers, in seconds: all of that time in one go."""
 
-UNSEEN_S: Final = (2.0, 4.0)
-"""The same where nobody looks at incidents before they are in the file, at least and at most: most
-of what it costs is that it is done, so it is done seldom."""
+UNSEEN_S: Final = 2.0
+"""The same where nobody looks at incidents before they are in the file."""
 
-MANY: Final = 2 << 20
-"""Bytes of the buses that wait for the ledgers from which on it is done at the least time."""
-
-PAUSE_S: Final = 0.75
-UNSEEN_PAUSE_S: Final = 7.0
-"""How long a bus that was judged is left alone, at least: where somebody looks, and where nobody
-does."""
+JUDGED: Final = 2
+UNSEEN_JUDGED: Final = 4
+"""How many times as long it is until a bus is judged again, at least: where somebody looks, and
+where nobody does."""
 
 SHARES: Final = (0.2, 0.03)
 UNSEEN_SHARES: Final = (0.02, 0.01)
@@ -75,9 +71,9 @@ class Diagnosing:
         self.failure: Exception | None = None
         """What ended it although it should not have; the recording goes on without it."""
         self._now = now
-        self._every_s = (EVERY_S, EVERY_S) if is_followed else UNSEEN_S
+        self._every_s = EVERY_S if is_followed else UNSEEN_S
         self._shares = SHARES if is_followed else UNSEEN_SHARES
-        self._pause_s = PAUSE_S if is_followed else UNSEEN_PAUSE_S
+        self._pause_s = ((JUDGED if is_followed else UNSEEN_JUDGED) - 0.5) * self._every_s
         self._diagnosis = Diagnosis()
         self._tracker = Tracker()
         self._waiting: deque[tuple[str, BusProtocol, Batch]] = deque()
@@ -88,7 +84,6 @@ class Diagnosing:
         self._due: dict[tuple[str, str], float] = {}
         self._first_s = 0.0 if is_followed else self._pause_s
         self._stop = threading.Event()
-        self._many = threading.Event()
         self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
 
     def start(self) -> None:
@@ -109,8 +104,6 @@ class Diagnosing:
             return
         self._given += len(batch.data)
         self._waiting.append((bus, protocol, batch))
-        if self._given - self._taken > MANY:
-            self._many.set()
 
     def close(self) -> None:
         """Do nothing: ``finish`` ends it."""
@@ -126,17 +119,13 @@ class Diagnosing:
     def finish(self) -> None:
         """Judge all that was decoded, once more and at last."""
         self._stop.set()
-        self._many.set()  # nobody waits for more
         if self._thread.is_alive():
             self._thread.join()
         if self.failure is None:
             self._guarded(self._last)
 
     def _run(self) -> None:
-        least_s, most_s = self._every_s
-        while not self._stop.wait(least_s) and self.failure is None:
-            self._many.wait(most_s - least_s)
-            self._many.clear()
+        while not self._stop.wait(self._every_s) and self.failure is None:
             self._guarded(self._round)
 
     def _guarded(self, what: Callable[[], None]) -> None:
