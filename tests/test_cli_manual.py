@@ -51,6 +51,7 @@ def test_a_shell_is_told_how_to_complete(shell: str, capsys: Capsys) -> None:
         ("sniffer deco", {"decode"}),
         ("sniffer decode --protocol m", {"mightyzap"}),
         ("sniffer completion z", {"zsh"}),
+        ("sniffer explain no-resp", {"no-response"}),
     ],
 )
 def test_bash_completes_commands_options_and_their_words(

@@ -12,6 +12,7 @@ from sniffer.ground.codes import NEVER, REQUEST, RESPONSE
 from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Exchange, Talk, check, checks
+from tests.streams.forms import SIZED, said
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -244,3 +245,33 @@ def test_one_seed_gives_one_stream_and_another_gives_another() -> None:
 def test_a_talk_that_is_none_is_refused_in_one_line(talk: Any, words: str) -> None:
     with pytest.raises(SnifferError, match=words):
         check(ZAP, talk)
+
+
+TRAVEL, STARTS, DONE = (
+    said("sized", 0xFD, b"\x05"),
+    said("sized", 0xFD, b"\x01", back=True),
+    said("sized", 0xFD, b"\x02", back=True),
+)
+TRAVELS = [
+    Exchange("travel", TRAVEL, (STARTS,), later=(DONE,)),
+    Exchange("enable", said("sized", 0xF3, b"\x01"), (said("sized", 0xF3, b"\x01", back=True),)),
+]
+
+
+def test_an_answer_that_comes_once_more_when_it_is_done_is_held_to_its_label() -> None:
+    assert failing(SIZED, TRAVELS, "truth: done later") == ""
+    mislabelled = [replace(TRAVELS[0], answers=(STARTS, DONE), later=()), TRAVELS[1]]
+    assert "decoded as" in failing(SIZED, mislabelled, "truth: answered")
+    never = [replace(TRAVELS[0], later=(STARTS,)), TRAVELS[1]]
+    assert "done later: travel: " in failing(SIZED, never, "truth: done later")
+
+
+def test_a_talk_that_never_shows_what_is_said_once_it_is_done_is_told_so() -> None:
+    assert "not shown: travel done later" not in failing(SIZED, TRAVELS, "coverage")
+    without = [replace(TRAVELS[0], later=()), TRAVELS[1]]
+    assert "not shown: travel done later" in failing(SIZED, without, "coverage")
+    assert "truth: done later" not in {one.name for one in checks(SIZED, without)}
+
+
+def test_a_done_answer_that_fits_any_request_is_seen_by_a_talk_that_shows_it() -> None:
+    assert "done later fits any request" not in failing(SIZED, TRAVELS, "faults")

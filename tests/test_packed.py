@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from pathlib import Path
+from random import Random
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -11,7 +12,9 @@ import zstandard
 
 from sniffer.ground.model import DamagedInputError
 from sniffer.sources import open_source
-from sniffer.sources.packed import RATIO_MOST, SMALL
+from sniffer.sources.opening import File, Pipe
+from sniffer.sources.packed import RATIO_MOST, SMALL, unpacked
+from sniffer.sources.recognise import HEAD
 from tests.commands import sniffer
 
 if TYPE_CHECKING:
@@ -38,6 +41,25 @@ def test_a_packed_log_is_read_as_the_log(suffix: str, tmp_path: Path) -> None:
     assert sniffer("decode", path, "--summary", "--format", "jsonl").out == whole
     piped = sniffer("decode", "-", "--summary", "--format", "jsonl", data=path.read_bytes())
     assert piped.out == whole
+
+
+@pytest.mark.parametrize("suffix", PACKINGS)
+@pytest.mark.parametrize("piped", [False, True])
+def test_what_hardly_packs_is_recognised_though_its_first_block_is_longer_than_a_head(
+    suffix: str, *, piped: bool, tmp_path: Path
+) -> None:
+    # as a recording is, which is packed already: zstd has 128 KiB of it in one block
+    data = b"\x89MCAP0\r\n" + Random(0).randbytes(3 * HEAD)
+    path = tmp_path / f"walk.mcap{suffix}"
+    path.write_bytes(PACKINGS[suffix](data))
+    stream = path.open("rb", buffering=0)
+    origin = unpacked(Pipe(stream, "a pipe", owned=True) if piped else File(path))
+    assert data.startswith(origin.head)
+    assert origin.head.startswith(b"\x89MCAP0")
+    with origin.open() as opened:
+        assert b"".join(iter(lambda: opened.read(1 << 14), b"")) == data
+    origin.close()
+    stream.close()
 
 
 @pytest.mark.parametrize("suffix", PACKINGS)

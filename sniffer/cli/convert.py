@@ -100,6 +100,12 @@ def convert(
     Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
     written).
     """
+    if also and any(out.exists() for out in outputs):  # convert run-*.mcap -o all.mcap
+        there = next(out for out in outputs if out.exists())
+        raise click.UsageError(
+            f"FILE is one capture, and {name_of(str(there))} would be written, not read; "
+            "`sniffer merge A B -o OUT` makes one recording of several"
+        )
     outputs = (*outputs, *also)
     if not outputs:
         raise click.UsageError("name OUT, a file whose suffix says what to make: run.mcap, run.csv")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import textwrap
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
-from sniffer.cli.options import ProtocolName, examples
+from sniffer.cli.options import ProtocolName, examples, files_here
 from sniffer.cli.servos import with_registers
 from sniffer.cli.streams import width_of_terminal
 from sniffer.decoding.options import AUTO, Options
@@ -18,8 +18,25 @@ from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import plain
 from sniffer.jobs.explain import explain_bytes, read_hex
 
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
 _NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
 """How codes, findings and causes are spelled; none can be read as hex, a test holds that."""
+
+
+def _names_or_files(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Have a shell complete codes, findings and causes, or files where none begins so."""
+    from click.shell_completion import CompletionItem
+
+    from sniffer.jobs.meanings import known_names
+
+    named = [name for name in known_names() if name.startswith(incomplete.lower())]
+    if incomplete and named:
+        return [CompletionItem(name) for name in named]
+    return files_here(context, parameter, incomplete)
 
 
 @click.command(
@@ -33,7 +50,13 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
         "sniffer explain no-response",
     ),
 )
-@click.argument("hex_bytes", metavar="HEX|FILE@PLACE|CODE", nargs=-1, required=True)
+@click.argument(
+    "hex_bytes",
+    metavar="HEX|FILE@PLACE|CODE",
+    nargs=-1,
+    required=True,
+    shell_complete=_names_or_files,
+)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
 @click.option(
     "--protocol",

@@ -12,6 +12,7 @@ from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import DamagedInputError
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
+from sniffer.jobs.outputs import NOBODY
 from sniffer.messages import OFFSET
 
 if TYPE_CHECKING:
@@ -27,9 +28,6 @@ T = TypeVar("T")
 
 SERIAL: Final = "serial_number"
 """What registers and commands are called, or end in, that say which one of many a device is."""
-
-NOBODY: Final = "a capture without names"
-"""What stands in place of the file that it was made from."""
 
 _BY_BUS: Final = frozenset({"baud", "latency_ns", "protocol", OFFSET, SINCE})
 """Facts that are kept, those of a bus under its new name."""

@@ -47,6 +47,9 @@ CUT: Final = "cut"
 """Facts of a part of a capture: ``cut.source`` (of what), ``cut.from_ns`` and ``cut.to_ns`` (what
 was asked for), ``cut.offset.<bus>`` (where its first byte stood there)."""
 
+NOBODY: Final = "a capture without names"
+"""The source of what is to tell nobody's name nor day: when it was written is not said either."""
+
 _MADE: Final = ("tool", "source", "written")
 
 _ANEW: Final = frozenset(
@@ -67,8 +70,9 @@ def session_facts(
         "tool": f"{TOOL} {__version__}",
         "source": source,
         "protocol": options.name,
-        "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+    if source != NOBODY:
+        facts["written"] = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     known = known or {}
     told = {k: v for k, v in known.items() if k.startswith(("baud.", "latency_ns."))}
     if options.baud is not None:

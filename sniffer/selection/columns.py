@@ -150,8 +150,17 @@ class Rows:
 
     def count(self, table: str) -> int:
         """Return how many rows a table has; samples are counted with those that were refused."""
-        return len(getattr(self.batch, "values" if table == "samples" else table))
+        return _COUNTS[table](self.batch)
 
+
+_COUNTS: Final[dict[str, Callable[[Batch], int]]] = {
+    "frames": lambda batch: len(batch.frames.start),
+    "transactions": lambda batch: len(batch.transactions.request),
+    "samples": lambda batch: len(batch.values.row),
+    "anomalies": lambda batch: len(batch.anomalies),
+    "gaps": lambda batch: len(batch.gaps),
+}
+"""How many rows a table has, without asking a record which columns it has: batches are small."""
 
 Column = Callable[[Rows], Numbers | Names]
 

@@ -58,7 +58,7 @@ class _Unpacked:
 
     def __init__(self, packed: Stream, packing: _Packing, name: str, *, is_head: bool) -> None:
         self._packed, self._packing, self._name = packed, packing, name
-        self._is_head = is_head
+        self.is_head = is_head
         self._machine = packing.begin()
         self._waiting, self._out = b"", b""
         self._taken = self._given = 0
@@ -107,7 +107,7 @@ class _Unpacked:
             )
 
     def _end(self) -> None:
-        if not self._machine.eof and not self._is_head and self._taken:
+        if not self._machine.eof and not self.is_head and self._taken:
             raise self._damaged("is cut off")
 
     def _damaged(self, why: str) -> DamagedInputError:
@@ -124,26 +124,70 @@ class Packed:
         self.path: Path | None = None
         inner = Path(origin.name)
         self.suffix = Path(inner.stem).suffix if inner.suffix in packing.suffixes else ""
+        self._kept = contextlib.ExitStack()
+        self._begun: _Unpacked | None = None
         head = _Unpacked(_Given(origin.head), packing, self.name, is_head=True)
         self.head = b""
         try:
-            while len(self.head) < HEAD and (more := head.read(HEAD - len(self.head))):
-                self.head += more
+            self._look(head)
+            if not self.head and head.is_open:
+                self._look_on()
         except DamagedInputError as error:
             if not self.head:
+                self._kept.close()
                 raise InputError(str(error)) from None
-        if not self.head and len(origin.head) < HEAD and head.is_open:
+        if not self.head and head.is_open:
+            self._kept.close()
             raise InputError(f"{self.name}: it is packed, and cut off before anything is in it")
+
+    def _look(self, at: Stream) -> None:
+        while len(self.head) < HEAD and (more := at.read(HEAD - len(self.head))):
+            self.head += more
+
+    def _look_on(self) -> None:
+        """Read until anything is in it: zstd gives a block whole, and it may be longer than a head.
+
+        What can be read once is kept as far as it was read.
+        """
+        if not self.live:
+            with self._origin.open() as stream:
+                self._look(_Unpacked(stream, self._packing, self.name, is_head=True))
+            return
+        stream = self._kept.enter_context(self._origin.open())
+        self._begun = _Unpacked(stream, self._packing, self.name, is_head=True)
+        self.head = self._begun.read(HEAD)
+        self._begun.is_head = False
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Stream]:
         """Return what is in it, from its first byte on."""
+        if self._begun is not None:
+            with self._kept.pop_all():
+                begun, self._begun = self._begun, None
+                yield _Resumed(self.head, begun)
+            return
         with self._origin.open() as stream:
             yield _Unpacked(stream, self._packing, self.name, is_head=False)
 
     def close(self) -> None:
         """Release the input."""
+        self._kept.close()
         self._origin.close()
+
+
+class _Resumed:
+    """What was read of a stream to look at it, and then the rest."""
+
+    def __init__(self, read: bytes, rest: _Unpacked) -> None:
+        self._read, self._rest = read, rest
+
+    def read(self, size: int, /) -> bytes:
+        out, self._read = self._read[:size], self._read[size:]
+        return out or self._rest.read(size)
+
+    def comes(self) -> bool:
+        """Tell whether more comes soon, or the end."""
+        return bool(self._read) or self._rest.comes()
 
 
 class _Given:

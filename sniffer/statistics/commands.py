@@ -11,7 +11,7 @@ import numpy as np
 from sniffer.decoding.durations import Quantiles
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
-from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST, UNSOLICITED
+from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, ON_ITS_OWN, REQUEST, UNSOLICITED
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO
 from sniffer.statistics.cycles import Cycles, Loop, Periods
@@ -70,8 +70,9 @@ class CommandFigures:
     """One command of one servo; servo -1 is nobody's.
 
     ``asked`` are requests whose answer had to come, ``failed`` those of them that had none that
-    fits (``missing``: nothing at all), ``unasked`` answers that fit no request. ``periods`` are of
-    all that it asks, ``loop`` is what it asks most often; None: nothing twice.
+    fits (``missing``: nothing at all), ``unasked`` answers that fit no request and are none
+    that come of their own once something is done. ``periods`` are of all that it asks, ``loop`` is
+    what it asks most often; None: nothing twice.
     """
 
     servo_id: int
@@ -154,7 +155,7 @@ class CommandBook:
             ok=wanted & (t.outcome == OK),
             missing=wanted & (t.outcome == NO_RESPONSE),
             failed=wanted & np.isin(t.outcome, FAILED),
-            unasked=t.outcome == UNSOLICITED,
+            unasked=(t.outcome == UNSOLICITED) & (f.token[answer] != ON_ITS_OWN),
         )
         known = (t.outcome == OK) & (t.response_time_ns >= 0)
         took, spread = t.response_time_ns[known], t.uncertainty_ns[known]

@@ -326,6 +326,32 @@ def _flip(raw: bytes, at: int, bit: int) -> bytes:
     return raw[:at] + bytes([raw[at] ^ bit]) + raw[at + 1 :]
 
 
+def done_later(k: Known, others: Others) -> Iterator[TalkCase]:
+    """Answered, and once more when it is done: at once, after a silence, in another's turn."""
+    if not (e := k.exchange).later:
+        return
+    for silent in (False, True):
+        case = TalkCase(DONE_LATER, (e,))
+        case.exchange(e)
+        _done(case, e, silent=silent)
+        yield case
+    mine = others.some(lambda o: o.asks_one and o.servo_id == k.servo_id and o is not k)
+    for o in (k, *mine) if k.asks_one else ():
+        case = TalkCase(DONE_LATER, (e, o.exchange))
+        case.exchange(e)
+        at = case.ask(o.exchange)
+        _done(case, e)
+        case.answer(o.exchange, at)
+        yield case
+
+
+def _done(case: TalkCase, e: Exchange, *, silent: bool = False) -> None:
+    for raw in e.later:
+        if silent:
+            case.silence()
+        case.pair(-1, case.frame(raw, RESPONSE), UNSOLICITED)
+
+
 def scene_of(exchanges: Sequence[Exchange]) -> TalkCase:
     """Return exchanges in their order, all answered."""
     case = TalkCase(SCENE, tuple(exchanges), valued=True)
@@ -349,9 +375,12 @@ ARRANGEMENTS: Final = (
     damaged,
     request_damaged,
     silence_inside,
+    done_later,
 )
 
 SCENE: Final = "scene"
+
+DONE_LATER: Final = "done later"  # only of talks that have such answers
 
 NAMES: Final = (
     "answered",

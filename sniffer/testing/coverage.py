@@ -61,6 +61,7 @@ def goals(
     """Return everything that is asked of a talk, met or not."""
     out = [
         *_commands(commands_of(protocol, talk), known),
+        *_later(protocol, known),
         *_addressing(protocol, known),
         *_statuses(protocol, known),
         *_sizes(protocol, known),
@@ -100,6 +101,14 @@ def _commands(names: Sequence[str], known: Sequence[Known]) -> Iterator[Goal]:
         yield Goal(f"{name} one byte more", any(n + 1 in lengths for n in right))
         yield Goal(f"{name} with its values", any(k.exchange.values is not None for k in good))
     yield Goal("an unknown command", any(k.request.flags & UNKNOWN for k in known))
+
+
+def _later(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
+    family = getattr(protocol, "family", None)
+    for command in () if family is None else family.commands.values():
+        if command.later:
+            mine = [k.exchange for k in known if k.exchange.name == command.name]
+            yield Goal(f"{command.name} done later", any(e.later for e in mine))
 
 
 def _addressing(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from sniffer.ground.codes import MANY, MUST, NEVER, REQUEST, RESPONSE
+from sniffer.ground.codes import MANY, MUST, NEVER, ON_ITS_OWN, REQUEST, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.model import ANY_ID, I64, NO_ALT, RELEASES, RESETS, STAGED, Frames, Mask, Spans
 
@@ -92,6 +92,8 @@ def faults_of(
         if register.name in valued:
             yield _off_by_one(number, register.name)
     yield from _of_framing(protocol, known, header)
+    if any(k.exchange.later for k in known):
+        yield PlantedFault("an answer done later fits any request", describe=_fits_any)
     if any(protocol.refused(np.array([f.status], np.int16))[0] for k in known for f in k.answers):
         yield PlantedFault("no answer refuses", describe=_without_status)
 
@@ -166,6 +168,11 @@ def _again(block: Block, f: Frames, op: int) -> Mask:
             a, b = (block.data[f.start[k] : f.end[k]].tobytes() for k in (i - 1, i))
             out[i] = a == b
     return out
+
+
+def _fits_any(block: Block, f: Frames) -> Frames:
+    del block
+    return replace(f, token=np.where(f.token == ON_ITS_OWN, -1, f.token))
 
 
 def _without_status(block: Block, f: Frames) -> Frames:

@@ -13,7 +13,7 @@ from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import protocol_named
 from sniffer.testing import laws
-from sniffer.testing.arrange import ARRANGEMENTS, NAMES, SCENE, Others, scene_of
+from sniffer.testing.arrange import ARRANGEMENTS, DONE_LATER, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
 from sniffer.testing.facts import facts_of, known_of, plain
 from sniffer.testing.faults import Suspects, faults_of, planted
@@ -179,7 +179,7 @@ class Kit:
         """Hold that exchanges fed byte by byte, cut at every boundary, are what they are whole."""
         total, each = 0, self._each()
         for a in range(0, len(each), ROW):
-            data = b"".join(e.data for e in each[a : a + ROW])
+            data = b"".join(e.said for e in each[a : a + ROW])
             if not total or total + len(data) <= BITES or self.thorough:
                 total += len(data)
                 self._bites(data)
@@ -278,6 +278,7 @@ def checks(
     kit = Kit(known, talk_of(talk), thorough=thorough, seed=seed)
     exchanges = [*kit.talk.exchanges, *(e for s in kit.talk.scenes for e in s)]
     examples = EXAMPLES * (20 if thorough else 1)
+    later = (DONE_LATER,) if any(e.later for e in kit.talk.exchanges) else ()
 
     def law(rule: Callable[..., None]) -> Callable[[], str]:
         def run() -> str:
@@ -288,7 +289,10 @@ def checks(
 
     return [
         Requirement("talk", kit.misspelt),
-        *(Requirement(f"truth: {n}", functools.partial(kit.truth, n)) for n in (*NAMES, SCENE)),
+        *(
+            Requirement(f"truth: {n}", functools.partial(kit.truth, n))
+            for n in (*NAMES, *later, SCENE)
+        ),
         Requirement("law: columns say what the slow form says, arranged", kit.slow),
         Requirement("law: a cut at every boundary changes nothing", kit.bytewise),
         *(Requirement(f"law: {name}", law(rule)) for name, rule in laws.LAWS.items()),

@@ -24,7 +24,7 @@ def stream(rng: Random, exchanges: Sequence[Exchange]) -> bytes:
         e = rng.choice(exchanges)
         match rng.choice(("said", "said", "said", "again", "lost", "burst", "noise", "part")):
             case "said":
-                out += e.data
+                out += e.said
             case "again":
                 out += e.request * rng.randint(2, 3) + b"".join(e.replies)
             case "lost":

@@ -28,6 +28,8 @@ class Exchange:
         values: raw values by register, all that become true with this exchange: a name stands for
             the servo asked, ``(servo, name)`` for another one. None: not labelled.
         errors: what the answers report, as ``status_names`` has it. None: not labelled.
+        later: what the servo says once more when the thing is done, unasked: frames that answer no
+            request, whatever they stand behind.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Exchange:
     answers: tuple[bytes, ...] | None = ()
     values: Labels | None = None
     errors: tuple[str, ...] | None = None
+    later: tuple[bytes, ...] = ()
 
     @property
     def replies(self) -> tuple[bytes, ...]:
@@ -45,6 +48,11 @@ class Exchange:
     def data(self) -> bytes:
         """Request and answers, joined."""
         return self.request + b"".join(self.replies)
+
+    @property
+    def said(self) -> bytes:
+        """All of it, with what comes once more when it is done."""
+        return self.data + b"".join(self.later)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +94,6 @@ def talk_of(given: Talk | Iterable[Exchange]) -> Talk:
     for e in every:
         if not isinstance(e, Exchange):
             raise SnifferError(f"a talk is made of exchanges, not of {e!r:.40}")
-        if not e.request or not all(e.replies):
+        if not e.request or not all((*e.replies, *e.later)):
             raise SnifferError(f"{e.name}: a request and each answer have at least one byte")
     return talk
