@@ -344,3 +344,16 @@ def test_an_output_may_be_named_as_other_commands_have_it(
     none = within(capsys, "convert", LOG)
     assert (none.status, none.out) == (2, "")
     assert "name OUT, a file whose suffix says what to make" in none.err
+
+
+def test_parts_that_a_shell_put_for_a_pattern_are_not_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``convert run-*.mcap -o all.mcap --force``: the second one was written, not read."""
+    first, second = tmp_path / "run-1.mcap", tmp_path / "run-2.mcap"
+    for part in (first, second):
+        part.write_bytes(b"kept")
+    ran = within(capsys, "convert", first, second, "-o", tmp_path / "all.mcap", "--force")
+    assert ran.status == 2
+    assert "run-2.mcap would be written, not read; `sniffer merge" in ran.err
+    assert second.read_bytes() == b"kept"
