@@ -147,6 +147,13 @@ def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
     done = diagnose.says(few_lost(tmp_path / "a.log"))
     assert "nothing is wrong" not in done.out
     assert re.search(r"no cause can be told of 2 x no-response \(servos 1, 3\)", done.out)
+    words = " ".join(done.out.split())
+    assert "next: Ping the id;" in words
+    assert "`sniffer explain FILE@no-response` draws the first of them." in words
+
+
+def test_a_sound_capture_names_no_next_act(diagnose: Asked, tmp_path: Path) -> None:
+    assert "next:" not in diagnose.says(said(tmp_path / "a.log", robot("mightyzap", 4))).out
 
 
 def test_a_servo_that_was_asked_before_it_was_there_lost_no_answer(

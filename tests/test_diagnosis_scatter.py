@@ -166,3 +166,55 @@ def impatient(cycles: int) -> Conversation:
 
 def test_an_answer_that_comes_behind_the_next_request_makes_no_second_servo_of_its_servo() -> None:
     assert "places-scatter" not in codes(impatient(300).diagnosed())
+
+
+def fallen() -> Conversation:
+    """Let the line fall for some bits behind 3 in 10 requests: a byte nobody sent.
+
+    One servo stands in the middle; where the others stand, their loads read as places look alike.
+    """
+    rng = random.Random(7)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.2)
+        if rng.random() < 0.3:
+            talk.say(bytes([rng.choice((0xE0, 0xF0, 0xFC))]))
+        talk.rest(0.2)
+        talk.say(own(0.6 if servo == ODD else 0.01 + 0.05 * swinging(servo, talk.now_s)))
+        talk.rest(0.5)
+        return True
+
+    return robot("wck", SECONDS, instead=instead, goals=False)
+
+
+@pytest.mark.parametrize("host", [late, untimed, lambda talk: talk.diagnosed()])
+def test_stray_bytes_before_answers_of_all_servos_make_no_second_servo(
+    host: Callable[[Conversation], Diagnosis],
+) -> None:
+    told = host(fallen())
+    assert "places-scatter" not in codes(told)
+    assert "duplicate-id" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+@pytest.mark.parametrize("host", [late, untimed, lambda talk: talk.diagnosed()])
+def test_a_servo_that_is_two_is_two_beside_a_stray_byte_now_and_then(
+    host: Callable[[Conversation], Diagnosis],
+) -> None:
+    rng = random.Random(11)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        hit = rng.random() < 0.03
+        if servo != ODD and not hit:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.2)
+        if hit:
+            talk.say(b"\x80")
+        talk.rest(0.2)
+        talk.say(two(swinging(servo, talk.now_s), rng) if servo == ODD else own(0.4))
+        talk.rest(0.5)
+        return True
+
+    told = host(robot("wck", SECONDS, instead=instead, goals=False))
+    assert ("duplicate-id", (ODD,)) in verdicts(told.incidents())

@@ -14,7 +14,10 @@ class FindingCode:
     """One kind of finding: what it says, and how one knows.
 
     ``is_omission``: a program leaves something out; where several servos miss it that is one
-    mistake, whenever each of them needs it.
+    mistake, whenever each of them needs it. ``is_lasting``: it lasts until somebody does something,
+    and is seen when the next goal comes, however long after what brought it about.
+    ``is_its_own``: one servo is hit by itself, and by no chance; what befalls all of them chooses
+    none.
     """
 
     code: str
@@ -22,3 +25,5 @@ class FindingCode:
     means: str
     known_by: str
     is_omission: bool = False
+    is_lasting: bool = False
+    is_its_own: bool = False

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.pacing import Pace
     from sniffer.diagnosis.model import Incident
+    from sniffer.diagnosis.rest import Rest
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -101,8 +102,8 @@ class Diagnosis:
         """Whether the times of all buses are measured."""
         return all(case.has_clock for case in self.cases())
 
-    def rest(self, incidents: Sequence[Incident]) -> str:
-        """Return the warnings and errors that no incident has, in words; empty: there are none."""
+    def rest(self, incidents: Sequence[Incident]) -> Rest:
+        """Return the warnings and errors that no incident has, in words, and what to do next."""
         return rest_of(self.cases(), incidents)
 
     def sentence(self) -> str:

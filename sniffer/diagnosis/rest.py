@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,15 +22,28 @@ SHOWN: Final = 6
 """Servos that are named of one code."""
 
 
-def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> str:
-    """Return the warnings and errors of codes that no incident of their bus has, in words.
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Anomalies of which no cause can be told, in words, and what to do next.
 
-    Empty where there are none. A few lost answers among many have no cause that could be told: a
-    capture with them is not one in which nothing is wrong.
+    Both are empty where there are none.
+    """
+
+    told: str = ""
+    next: str = ""
+
+
+def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
+    """Return the warnings and errors of codes that no incident of their bus has.
+
+    What to do next is what its entry says of the code that came most often, and where to look.
+    A few lost answers among many have no cause that could be told: a capture with them is not one
+    in which nothing is wrong.
     """
     explained = {(i.bus, f.code) for i in incidents for f in i.findings}
-    told = []
+    told: list[tuple[int, str, str]] = []
     for case in cases:
+        begun = len(told)
         counts: dict[str, dict[int, int]] = defaultdict(lambda: defaultdict(int))
         alarms = case.alarms
         for row in range(len(alarms["n"])):
@@ -45,11 +59,16 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> str:
                 if counts[MISSING][servo] <= 0:
                     del counts[MISSING][servo]
         of_bus = f" on {case.bus}" if len(cases) > 1 else ""
-        for code, by_servo in sorted(counts.items(), key=lambda e: -sum(e[1].values())):
+        for code, by_servo in counts.items():
             if by_servo and (case.bus, code) not in explained:
                 n = int(np.sum(list(by_servo.values())))
-                told.append(f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}")
-    return ", ".join(told)
+                told.append((n, code, f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}"))
+        told[begun:] = sorted(told[begun:], key=lambda t: -t[0])  # bus by bus
+    if not told:
+        return Rest()
+    most = max(told, key=lambda t: t[0])[1]
+    act = f"{CATALOGUE[most].remedy} `sniffer explain FILE@{most}` draws the first of them."
+    return Rest(", ".join(words for _, _, words in told), act)
 
 
 def _whose(servos: Sequence[int]) -> str:

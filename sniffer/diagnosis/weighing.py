@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
 from sniffer.diagnosis.model import Ranked, Reason
 from sniffer.diagnosis.rules import FINDINGS
@@ -34,12 +35,6 @@ sure were right in 76 %, 80 to 90 % in 88 %, 95 to 99 % in 95 %: Brier score 0.0
 0.081; at 1.4 it is the same, and the surest overstate.
 """
 
-LASTING: Final = frozenset(
-    {"joint-limp", "joint-limp-after-restart", "joint-limp-after-alarm", "goals-without-torque"}
-    | {"limp-by-status", "joint-not-following"}
-)
-"""What lasts until somebody does something, and is seen when the next goal comes."""
-
 LEAST: Final = 0.0
 """A cause that scores less is none."""
 
@@ -52,8 +47,8 @@ SIDE: Final = 0.3
 PROOF: Final = 3.0
 """From this score on, of side effects alone, another fault is as good as proven."""
 
-ITS_OWN: Final = "damage-one-servo"
-"""What shows that a servo is hit by itself, and no chance."""
+ANOMALY: Final = FindingCode("", "", "", "")
+"""What has no entry among the findings."""
 
 TOGETHER_NS: Final = NS
 """One cause that befalls several servos within this time is one incident."""
@@ -105,7 +100,8 @@ def _of_another(best: Weighed, left: Sequence[Finding], all_found: Sequence[Find
     for w in weigh(rest, rest) if sides and best.cause.of != SERVO else ():
         mine = [f for f in w.explained if id(f) in sides and f.servo_id == w.servo_id]
         signs = {f.code for f in mine if WEIGHTS[w.cause.slug][f.code].is_key}
-        if w.cause.of == SERVO and w.score >= PROOF and ITS_OWN in signs and len(signs) > 1:
+        its_own = any(_declared(code).is_its_own for code in signs)
+        if w.cause.of == SERVO and w.score >= PROOF and its_own and len(signs) > 1:
             out |= set(map(id, mine))
     return out
 
@@ -164,7 +160,7 @@ def _weighed(
 
 def _until(f: Finding, last_ns: int) -> int:
     """Return until when a finding may begin that follows from what was over by then."""
-    return NEVER_NS if f.code in LASTING else last_ns
+    return NEVER_NS if _declared(f.code).is_lasting else last_ns
 
 
 def _concerns(f: Finding, servo: int | None) -> bool:
@@ -248,7 +244,12 @@ def _joined(found: list[Explained]) -> list[Explained]:
 
 def _omits(one: Explained) -> bool:
     """Tell whether a program left something out, by a finding that is declared to say so."""
-    return any(f.code in FINDINGS and FINDINGS[f.code].is_omission for f in one.findings)
+    return any(_declared(f.code).is_omission for f in one.findings)
+
+
+def _declared(code: str) -> FindingCode:
+    """Return what is declared of a finding's code; of an anomaly nothing is."""
+    return FINDINGS.get(code, ANOMALY)
 
 
 def _order(cause: Cause) -> int:

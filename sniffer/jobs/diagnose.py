@@ -33,8 +33,8 @@ _ONCE: Final = (
 class Diagnosed:
     """Incidents of a capture, on what it was judged (each bus, and in words), how it ended.
 
-    ``rest``: anomalies of which no cause can be told, in words. ``has_clock``: the times of all
-    buses are measured, not counted from the bytes.
+    ``rest``: anomalies of which no cause can be told, in words; ``rest_next``: what to do about
+    them. ``has_clock``: the times of all buses are measured, not counted from the bytes.
     """
 
     incidents: tuple[Incident, ...]
@@ -43,6 +43,7 @@ class Diagnosed:
     rest: str
     has_clock: bool
     ending: Ending
+    rest_next: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
@@ -91,11 +92,13 @@ def diagnose(
         if not diagnosis.incidents():
             raise
     incidents = diagnosis.incidents()
+    rest = diagnosis.rest(incidents)
     return Diagnosed(
         incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
-        diagnosis.rest(incidents),
+        rest.told,
         diagnosis.has_clock,
         done.ending,
+        rest.next,
     )

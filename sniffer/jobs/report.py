@@ -149,6 +149,7 @@ def _content(
     evidence: Exhibits,
 ) -> Content:
     now = datetime.datetime.now(datetime.UTC)
+    rest = hearing.diagnosis.rest(incidents)
     return Content(
         name=name,
         described=opened.label,
@@ -161,7 +162,8 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
-        rest=hearing.diagnosis.rest(incidents),
+        rest=rest.told,
+        rest_next=rest.next,
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )

@@ -27,7 +27,8 @@ class Content:
 
     ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
     what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
-    is the sentence on what it was judged, ``rest`` what no cause could be told of (empty: nothing).
+    is the sentence on what it was judged, ``rest`` what no cause could be told of (empty: nothing),
+    ``rest_next`` what to do about that.
     ``tool`` and ``made`` say by what and when it was told.
     """
 
@@ -43,6 +44,7 @@ class Content:
     exhibits: Mapping[int, Sequence[Exhibit]]
     judged: str
     rest: str
+    rest_next: str
     tool: str
     made: str
 

@@ -85,6 +85,7 @@ def _verdict(content: Content) -> Iterator[str]:
         yield from ("", told(tale(worst)), "", f"Do next: {told(worst.next)}")
     if content.rest:
         yield from ("", f"No cause can be told of {told(content.rest)}.")
+        yield from ("", f"Do next: {told(content.rest_next)}")
     if content.damage:
         yield from ("", f"The input broke off: {told(content.damage)}")
     yield from ("", f"Judged on {told(content.judged)}.", "")

@@ -35,12 +35,14 @@ def print_incidents(
     *,
     clock: bool,
     rest: str = "",
+    rest_next: str = "",
     console: Console | None = None,
 ) -> None:
     """Print incidents: what happened, why, what speaks against the second cause, what to do.
 
     What is to be mended comes first, what is only worth knowing behind it, each by its beginning.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
+    ``rest_next``: what to do about them.
     """
     console = console or Console(highlight=False)
     incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
@@ -55,6 +57,8 @@ def print_incidents(
         console.print()
     if rest:
         console.print(Text(f"no cause can be told of {rest}"))
+    if rest and rest_next:
+        _hang(console, "   next: ", [Text(rest_next)])
     if incidents and not rest:
         console.print()
     if incidents or rest:

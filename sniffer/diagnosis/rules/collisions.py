@@ -22,10 +22,14 @@ FINDINGS: Final = (
         "answers-twice",
         "pairing",
         "A servo answers twice: one answer torn and one whole behind the same request, or two whole ones, "
-        "or torn bytes at others' turn that come a steady time behind its requests.",
+        "or torn bytes at others' turn that come a steady time behind its requests, or all that is torn "
+        "stands behind its exchanges in the order of the bus.",
         "Three such requests or more, and one in fifty of its answers. Torn bytes are whose requests they "
         "follow most steadily (stamps of a millisecond or better); where nothing else shows a second answer, "
-        "ten of them or more, and far more steadily than behind any other's.",
+        "ten of them or more, and far more steadily than behind any other's. By order, which needs no times: "
+        "nine in ten torn places, ten requests among them, stand behind its answer or the one after it, a "
+        "tenth of them behind no other's, or three whole second answers are its own; it has not much more than "
+        "half of the exchanges, and its answers have a checksum.",
     ),
     FindingCode(
         "answers-mixed",

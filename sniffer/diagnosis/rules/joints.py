@@ -35,18 +35,21 @@ FINDINGS: Final = (
         "device",
         "A joint does not follow its goals, and its motor does nothing about it.",
         "For a second or longer: an error as above, no approach, and the load or current of a motor that is off.",
+        is_lasting=True,
     ),
     FindingCode(
         "joint-limp-after-alarm",
         "device",
         "A joint does not follow its goals any more since its servo complained.",
         "As above, and an alarm of that servo, or a temperature at its limit, in the five seconds before.",
+        is_lasting=True,
     ),
     FindingCode(
         "joint-limp-after-restart",
         "device",
         "A joint does not follow its goals any more since its servo was away or told to restart.",
         "As above, and a silence of that servo, or a restart, that ended in the five seconds before.",
+        is_lasting=True,
     ),
     FindingCode(
         "stuck-before-alarm",
@@ -59,6 +62,7 @@ FINDINGS: Final = (
         "device",
         "A joint does not follow its goals, and nothing measured tells whether it pushes.",
         "As above, without load or current, or with one that is neither idle nor pushing; not a joint that came there by itself, on the way to one goal, and leaves with the next one, as a gripper does.",
+        is_lasting=True,
     ),
 )
 

@@ -39,6 +39,7 @@ FINDINGS: Final = (
         "line",
         "The answers of this servo are damaged, and those of others hardly ever.",
         "Three torn answers or more, and a share of its answers that is five times that of all other frames and no chance.",
+        is_its_own=True,
     ),
     FindingCode(
         "damage-in-answers",

@@ -48,12 +48,14 @@ FINDINGS: Final = (
         "device",
         "A servo gets goals while its torque is off.",
         "Its torque register was written or read as off, and goals follow for a second or longer, three or more, before it is on again; its joint is not seen to follow. Where a goal may switch it on (`on_with` in the table of its model, or of any while nothing tells the model), its joint is seen to hang.",
+        is_lasting=True,
     ),
     FindingCode(
         "limp-by-status",
         "device",
         "A servo says that it is limp while it has a goal.",
         "Its status is read as limp 0.3 seconds or more behind a goal, without a release or a restart in between.",
+        is_lasting=True,
     ),
 )
 

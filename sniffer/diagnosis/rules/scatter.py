@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REQUEST
+from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.returns import Returned
 from sniffer.diagnosis.steps import MILLI
@@ -21,7 +21,7 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.case import Case, Table
     from sniffer.diagnosis.returns import Return
     from sniffer.diagnosis.rules import Rule
 
@@ -34,8 +34,8 @@ FINDINGS: Final = (
         "One in ten of its positions at least, and six, is so far from the one before it and from the one "
         "behind it, on the same side, that the fastest servo could not get there and back (500 degrees "
         "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as "
-        "with others, and twice as often as requests are torn or second answers come. Of those that are "
-        "kept fewer than three in four differ in one bit, and fewer are the other's last bits read early, "
+        "with others, twice as often as requests are torn or second answers come, and as stray bytes with "
+        "exchanges of others. Of those that are kept fewer than three in four differ in one bit, and fewer are the other's last bits read early, "
         "or late.",
     ),
 )
@@ -64,6 +64,9 @@ SOME: Final = 0.05
 
 DISPLACED: Final = 0.5
 """How many answers out of place there may be for each position that is far away."""
+
+STRAYS: Final = (AT_TURN, IN_IDLE)
+"""Where stray bytes stand: the last byte of an answer that took one for its first is nobody's."""
 
 NEARLY: Final = 0.8
 """How far on the way to a place a goal must lie to send a joint there."""
@@ -99,6 +102,8 @@ def scatter(case: Case) -> Iterator[Finding]:
             continue
         if displaced > DISPLACED * returned.n:
             continue
+        if _strays_of_others(case, servo, returned) * returned.of > DISPLACED * returned.n:
+            continue
         told = sum(_was_told(case, servo, r) for r in returned.kept)
         if told > TOLD * len(returned.kept):
             continue
@@ -123,6 +128,25 @@ def _displaced(case: Case) -> int:
     """
     torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
     return torn + case.count("duplicate-response")
+
+
+def _strays_of_others(case: Case, servo: int, returned: Returned) -> float:
+    """Return how many stray bytes came with an exchange of the other servos meanwhile.
+
+    A bare answer takes the stray before it for its first byte, and its own first one, or what a
+    pulse left of it, for its place. Who answers second does so to its own requests alone.
+    """
+    kept = [x for x in case.damages if x.turn in STRAYS]
+    of_others = sum(x.asked_id not in (servo, -1) for x in kept) / max(len(kept), 1)
+    d, a = _meanwhile(case.damage, returned), _meanwhile(case.answers, returned)
+    strays = int(d["n"][np.isin(d["turn"], STRAYS)].sum())
+    return of_others * strays / max(int(a["ok"][a["servo_id"] != servo].sum()), 1)
+
+
+def _meanwhile(table: Table, returned: Returned) -> Table:
+    """Return the rows that overlap the time in which places were far away."""
+    mine = (table["t_first"] <= returned.last_ns) & (table["t_last"] >= returned.first_ns)
+    return {name: column[mine] for name, column in table.items()}
 
 
 def _was_told(case: Case, servo: int, r: Return) -> bool:
