@@ -58,7 +58,7 @@ class _Unpacked:
 
     def __init__(self, packed: Stream, packing: _Packing, name: str, *, is_head: bool) -> None:
         self._packed, self._packing, self._name = packed, packing, name
-        self.is_head = is_head
+        self._is_head = is_head
         self._machine = packing.begin()
         self._waiting, self._out = b"", b""
         self._taken = self._given = 0
@@ -84,6 +84,10 @@ class _Unpacked:
         out, self._out = self._out[:size], self._out[size:]
         return out
 
+    def put_back(self, head: bytes) -> None:
+        """Have what was read to look at it be read again, and all that follows, to the end."""
+        self._out, self._is_head = head + self._out, False
+
     def comes(self) -> bool:
         """Tell whether more comes soon, or the end."""
         return bool(self._out or self._waiting) or not pauses(self._packed)
@@ -107,7 +111,7 @@ class _Unpacked:
             )
 
     def _end(self) -> None:
-        if not self._machine.eof and not self.is_head and self._taken:
+        if not self._machine.eof and not self._is_head and self._taken:
             raise self._damaged("is cut off")
 
     def _damaged(self, why: str) -> DamagedInputError:
@@ -156,7 +160,7 @@ class Packed:
         stream = self._kept.enter_context(self._origin.open())
         self._begun = _Unpacked(stream, self._packing, self.name, is_head=True)
         self.head = self._begun.read(HEAD)
-        self._begun.is_head = False
+        self._begun.put_back(self.head)
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Stream]:
@@ -164,7 +168,7 @@ class Packed:
         if self._begun is not None:
             with self._kept.pop_all():
                 begun, self._begun = self._begun, None
-                yield _Resumed(self.head, begun)
+                yield begun
             return
         with self._origin.open() as stream:
             yield _Unpacked(stream, self._packing, self.name, is_head=False)
@@ -173,21 +177,6 @@ class Packed:
         """Release the input."""
         self._kept.close()
         self._origin.close()
-
-
-class _Resumed:
-    """What was read of a stream to look at it, and then the rest."""
-
-    def __init__(self, read: bytes, rest: _Unpacked) -> None:
-        self._read, self._rest = read, rest
-
-    def read(self, size: int, /) -> bytes:
-        out, self._read = self._read[:size], self._read[size:]
-        return out or self._rest.read(size)
-
-    def comes(self) -> bool:
-        """Tell whether more comes soon, or the end."""
-        return bool(self._read) or self._rest.comes()
 
 
 class _Given:
