@@ -15,6 +15,7 @@ from sniffer.ground.files import writing
 from sniffer.ground.model import InputError, OutputError
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
+from sniffer.mcapfile.given import open_recording, refuse_directory
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.packing import ChunkContents
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
@@ -66,17 +67,11 @@ def recover(path: Path, out: Path) -> Recovered:
         InputError: there is nothing to recover.
         OutputError: ``out`` cannot be written, or is no file.
     """
-    if path.is_dir():
-        raise InputError(f"{path} is a directory: give the recording in it")
+    refuse_directory(path)  # before ``out``, which may be the same
     if out.exists() and not out.is_file():
         what = "a directory" if out.is_dir() else "a device or a pipe"
         raise OutputError(f"{out} is {what}: give a file name")
-    try:
-        stream = path.open("rb")
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    stream = open_recording(path)
     # a link stays what it is, and leads to what was mended
     target = out.resolve()
     temporary = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")

@@ -14,6 +14,7 @@ from mcap.records import Header, Metadata
 
 from sniffer.decoding.options import names_in
 from sniffer.ground.model import InputError
+from sniffer.mcapfile.given import open_recording, unreadable
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
@@ -32,18 +33,14 @@ def layout_of(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is no recording, or has nothing to show.
     """
-    if path.is_dir():
-        raise InputError(f"{path} is a directory: give the recording in it")
-    try:
-        with path.open("rb") as stream:
+    with open_recording(path) as stream:
+        try:
             made = _attached(stream)
             if made is None:
                 stream.seek(0)
                 made = _made(stream, path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        except OSError as error:
+            raise unreadable(path, error) from None
     if made is None:
         raise InputError(
             f"{path} has nothing that viewers show: `sniffer convert {path} whole.mcap` writes a "
