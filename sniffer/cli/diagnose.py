@@ -92,7 +92,6 @@ def diagnose(
                     done.sentence,
                     clock=done.has_clock,
                     rest=done.rest,
-                    rest_next=done.rest_next,
                     console=console,
                 )
     return status

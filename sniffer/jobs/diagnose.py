@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.diagnosis import Incident
+    from sniffer.diagnosis.rest import Rest
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
@@ -33,17 +34,16 @@ _ONCE: Final = (
 class Diagnosed:
     """Incidents of a capture, on what it was judged (each bus, and in words), how it ended.
 
-    ``rest``: anomalies of which no cause can be told, in words; ``rest_next``: what to do about
-    them. ``has_clock``: the times of all buses are measured, not counted from the bytes.
+    ``rest``: anomalies of which no cause can be told, and what to do about them. ``has_clock``: the
+    times of all buses are measured, not counted from the bytes.
     """
 
     incidents: tuple[Incident, ...]
     judged: list[dict[str, Any]]
     sentence: str
-    rest: str
+    rest: Rest
     has_clock: bool
     ending: Ending
-    rest_next: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
@@ -92,13 +92,11 @@ def diagnose(
         if not diagnosis.incidents():
             raise
     incidents = diagnosis.incidents()
-    rest = diagnosis.rest(incidents)
     return Diagnosed(
         incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
-        rest.told,
+        diagnosis.rest(incidents),
         diagnosis.has_clock,
         done.ending,
-        rest.next,
     )

@@ -149,7 +149,6 @@ def _content(
     evidence: Exhibits,
 ) -> Content:
     now = datetime.datetime.now(datetime.UTC)
-    rest = hearing.diagnosis.rest(incidents)
     return Content(
         name=name,
         described=opened.label,
@@ -162,8 +161,7 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
-        rest=rest.told,
-        rest_next=rest.next,
+        rest=hearing.diagnosis.rest(incidents),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )

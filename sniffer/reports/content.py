@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
+    from sniffer.diagnosis.rest import Rest
     from sniffer.reports.evidence import Exhibit
     from sniffer.statistics.collector import Collector
 
@@ -27,8 +28,7 @@ class Content:
 
     ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
     what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
-    is the sentence on what it was judged, ``rest`` what no cause could be told of (empty: nothing),
-    ``rest_next`` what to do about that.
+    is the sentence on what it was judged, ``rest`` what no cause could be told of.
     ``tool`` and ``made`` say by what and when it was told.
     """
 
@@ -43,8 +43,7 @@ class Content:
     incidents: Sequence[Incident]
     exhibits: Mapping[int, Sequence[Exhibit]]
     judged: str
-    rest: str
-    rest_next: str
+    rest: Rest
     tool: str
     made: str
 

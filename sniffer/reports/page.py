@@ -121,9 +121,9 @@ def _verdict(content: Content) -> Markup:
     worst = content.worst
     broken = [tag("p", f"The input broke off: {content.damage}")] if content.damage else []
     judged = tag("p", f"Judged on {content.judged}.", cls="dim")
-    left = f"No cause can be told of {content.rest}."
-    act = tag("p", tag("b", "Do next: "), content.rest_next, cls="next")
-    rest = [tag("p", left), act] if content.rest else []
+    left = f"No cause can be told of {content.rest.told}."
+    act = tag("p", tag("b", "Do next: "), content.rest.next, cls="next")
+    rest = [tag("p", left), act] if content.rest.told else []
     if worst is None:
         told = [tag("h2", "No incident"), *(rest or [tag("p", SOUND)])]
         how = "warn" if rest else "sound"

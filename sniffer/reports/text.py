@@ -79,13 +79,13 @@ def _lines(content: Content) -> Iterator[str]:
 def _verdict(content: Content) -> Iterator[str]:
     worst = content.worst
     if worst is None:
-        yield "**No incident.**" + ("" if content.rest else f" {SOUND}")
+        yield "**No incident.**" + ("" if content.rest.told else f" {SOUND}")
     else:
         yield f"**{SIGNS[worst.severity]} {worst.severity.name.lower()}: {told(titled(worst))}**"
         yield from ("", told(tale(worst)), "", f"Do next: {told(worst.next)}")
-    if content.rest:
-        yield from ("", f"No cause can be told of {told(content.rest)}.")
-        yield from ("", f"Do next: {told(content.rest_next)}")
+    if content.rest.told:
+        yield from ("", f"No cause can be told of {told(content.rest.told)}.")
+        yield from ("", f"Do next: {told(content.rest.next)}")
     if content.damage:
         yield from ("", f"The input broke off: {told(content.damage)}")
     yield from ("", f"Judged on {told(content.judged)}.", "")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.diagnosis import Incident
+    from sniffer.diagnosis.rest import Rest
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -34,15 +35,13 @@ def print_incidents(
     judged: str,
     *,
     clock: bool,
-    rest: str = "",
-    rest_next: str = "",
+    rest: Rest,
     console: Console | None = None,
 ) -> None:
     """Print incidents: what happened, why, what speaks against the second cause, what to do.
 
     What is to be mended comes first, what is only worth knowing behind it, each by its beginning.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
-    ``rest_next``: what to do about them.
     """
     console = console or Console(highlight=False)
     incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
@@ -53,15 +52,14 @@ def print_incidents(
         if nth:
             console.print()
         _print(incident, console, clock=clock)
-    if incidents and rest:
+    if incidents and rest.told:
         console.print()
-    if rest:
-        console.print(Text(f"no cause can be told of {rest}"))
-    if rest and rest_next:
-        _hang(console, "   next: ", [Text(rest_next)])
-    if incidents and not rest:
+    if rest.told:
+        console.print(Text(f"no cause can be told of {rest.told}"))
+        _hang(console, "   next: ", [Text(rest.next)])
+    if incidents and not rest.told:
         console.print()
-    if incidents or rest:
+    if incidents or rest.told:
         console.print(Text(f"judged on {judged}", style="dim"))
     else:
         console.print(Text(f"nothing is wrong, judged on {judged}"))

@@ -35,8 +35,8 @@ FINDINGS: Final = (
         "behind it, on the same side, that the fastest servo could not get there and back (500 degrees "
         "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as "
         "with others, twice as often as requests are torn or second answers come, and as stray bytes with "
-        "exchanges of others. Of those that are kept fewer than three in four differ in one bit, and fewer are the other's last bits read early, "
-        "or late.",
+        "exchanges of others. Of those that are kept fewer than three in four differ in one bit, and fewer "
+        "are the other's last bits read early, or late.",
     ),
 )
 
