@@ -57,7 +57,7 @@ def pytest_xdist_node_collection_finished(node: Any, ids: Sequence[str]) -> None
     """Say once how many tests there are, before the dots that show how far they are."""
     if node.gateway.id == "gw0":
         said = f"{len(ids)} tests, a dot each, and behind each line how far it is"
-        long = "; all of them take about ten minutes on two idle cores, longer on busy ones"
+        long = "; all of them take ten to fifteen minutes on two idle cores, longer on busy ones"
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         reporter.write_line(said + (long if len(ids) > MANY else ""))
 
