@@ -11,7 +11,7 @@ from sniffer.cli.options import (
     captures_in,
     decoding,
     examples,
-    files_here,
+    with_files,
     with_force,
     with_quiet,
     with_together,
@@ -55,7 +55,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
         "sniffer check captures/*.log --rules rules.toml --junit verdicts.xml",
     ),
 )
-@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_files
 @click.option(
     "--rules",
     "rules_file",

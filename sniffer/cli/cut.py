@@ -9,8 +9,8 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
-    files_here,
     with_anonymise,
+    with_files,
     with_force,
     with_outputs,
     with_quiet,
@@ -35,7 +35,7 @@ from sniffer.selection.places import Window
         "sniffer cut run.mcap --from @first-error --around 2s --anonymise -o shared.mcap",
     ),
 )
-@click.argument("file", shell_complete=files_here)
+@with_files
 @decoding
 @with_part
 @with_outputs("The part")
@@ -43,7 +43,7 @@ from sniffer.selection.places import Window
 @with_force
 @with_quiet
 def cut(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     window: Window | None,
@@ -54,6 +54,8 @@ def cut(
 ) -> int:
     """Cut a part out of FILE (- is standard input).
 
+    Several are one capture, read in the order of their times: such as the files of a rotation.
+
     It is cut between frames and tears no exchange, so it says what the whole says there; it may
     begin and end a little outside of what was asked for. A part has every byte of its buses: those
     of some servos or commands alone are made by `sniffer convert run.mcap three.log --servo 3`.
@@ -62,7 +64,7 @@ def cut(
         raise click.UsageError("say which part: --from, --to or both")
     with patient() as patience:
         done = cut_out(
-            file,
+            files,
             outputs,
             window,
             options,

@@ -13,8 +13,8 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
-    files_here,
     with_color,
+    with_files,
     with_force,
     with_format,
     with_times,
@@ -56,7 +56,7 @@ JOBS_MOST: Final = 256
         "sniffer decode week.bin --protocol mightyzap --jobs 8 -q -o week.jsonl",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, shell_complete=files_here)
+@with_files
 @with_part
 @with_rows
 @decoding

@@ -10,8 +10,8 @@ from sniffer.cli.options import (
     captures_in,
     decoding,
     examples,
-    files_here,
     with_color,
+    with_files,
     with_format,
     with_quiet,
     with_together,
@@ -36,7 +36,7 @@ from sniffer.sources.several import name_of
         "sniffer diagnose run.mcap --why 1",
     ),
 )
-@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_files
 @with_together
 @with_part
 @decoding

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_format, with_quiet
+from sniffer.cli.options import decoding, examples, with_files, with_format, with_quiet
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -28,7 +28,7 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
         "sniffer decode run.mcap --registers my_servo.toml --model my-servo",
     ),
 )
-@click.argument("file", shell_complete=files_here)
+@with_files
 @with_part
 @with_rows
 @decoding
@@ -42,7 +42,7 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
 )
 @with_quiet
 def discover(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     output_format: str,
@@ -53,13 +53,15 @@ def discover(
 ) -> int:
     """Say of bytes in FILE that no register table names what they do.
 
+    Several are one capture, read in the order of their times: such as the files of a rotation.
+
     Which are constant, which count, which two are one number, which bits flip together, and which
     known values (goals, positions, loads ...) they go with. With --format toml it is a register
     table, the one that the servos are read by with what was found behind it; --registers takes it.
     """
     with patient() as patience:
         done = find(
-            file,
+            files,
             options,
             input_format=input_format,
             window=window,

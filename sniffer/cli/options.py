@@ -233,6 +233,12 @@ def files_here(
     return [CompletionItem(incomplete, type="file")]
 
 
+with_files = click.argument(
+    "files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True
+)
+"""Of every command that reads several captures, or one in several files."""
+
+
 def examples(*lines: str) -> str:
     """Return the end of a command's help, in lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force, with_quiet
+from sniffer.cli.options import decoding, examples, with_files, with_force, with_quiet
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import MISTAKE, status_of
@@ -25,7 +25,7 @@ from sniffer.selection.places import Window
         "sniffer report capture.log | less",
     ),
 )
-@click.argument("file", shell_complete=files_here)
+@with_files
 @with_part
 @decoding
 @click.option(
@@ -37,7 +37,7 @@ from sniffer.selection.places import Window
 @with_force
 @with_quiet
 def report(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     output: Path | None,
@@ -47,6 +47,8 @@ def report(
 ) -> int:
     """Write a report on FILE (- is standard input): one page, to attach to a bug report.
 
+    Several are one capture, read in the order of their times: such as the files of a rotation.
+
     The verdict comes first; then incidents with their bytes, curves, response times, where each
     byte is, and what the input says of itself: its clock, the metadata of a recording. The page is
     one file: it fetches nothing. Exit status: 0 written; 2 a mistake of yours; 3 the input breaks
@@ -54,7 +56,7 @@ def report(
     """
     with patient() as patience:
         done = write_report(
-            file,
+            files,
             output,
             options,
             input_format=input_format,

@@ -12,7 +12,7 @@ from sniffer.cli.options import (
     captures_in,
     decoding,
     examples,
-    files_here,
+    with_files,
     with_format,
     with_quiet,
     with_together,
@@ -50,7 +50,7 @@ def _width(context: click.Context, parameter: click.Parameter, given: str | None
         "sniffer stats a.log b.log --format csv > figures.csv",
     ),
 )
-@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_files
 @with_together
 @with_part
 @with_rows

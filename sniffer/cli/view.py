@@ -11,7 +11,7 @@ from sniffer.cli.options import (
     Whole,
     decoding,
     examples,
-    files_here,
+    with_files,
     with_force,
     with_quiet,
 )
@@ -39,7 +39,7 @@ from sniffer.sources.several import name_of
         "sniffer view capture.bin -o capture.rrd",
     ),
 )
-@click.argument("file", shell_complete=files_here)
+@with_files
 @with_part
 @with_rows
 @decoding
@@ -62,7 +62,7 @@ from sniffer.sources.several import name_of
 )
 @with_quiet
 def view(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     output: Path | None,
@@ -73,16 +73,19 @@ def view(
     selection: Selection | None,
     tell: Teller,
 ) -> int:
-    """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
+    """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms.
+
+    Several are one capture, read in the order of their times: such as the files of a rotation.
+    """
     if output is not None and web:
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--web-port goes with --web")
     need_rerun()
-    with patient() as patience, bytes_of(name_of(file)):
+    with patient() as patience, bytes_of(name_of(files)):
         if output is None:
             done = shown(
-                file,
+                files,
                 options,
                 input_format=input_format,
                 web=web,
@@ -97,7 +100,7 @@ def view(
         if output.suffix != ".rrd":
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
         done = convert(
-            file,
+            files,
             [output],
             options,
             input_format=input_format,

@@ -20,7 +20,7 @@ from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, t
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.opening import STDIN
-from sniffer.sources.several import name_of, open_capture
+from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -104,7 +104,7 @@ def convert(
     if selection is not None and (lacking := selection.missing_in("samples")):
         for path in (path for path in outputs if path.suffix.lower() in TABLES):
             tell.talk(_without_rows(path, lacking))
-    inputs = [source] if isinstance(source, str | Path) else [*source]
+    inputs = inputs_of(source)
     again = anonymise or (asked is not None and asked.seeks)
     if len(inputs) > 1:
         check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
@@ -117,7 +117,7 @@ def convert(
     with undecided_of(name_of(inputs)) if len(inputs) > 1 else contextlib.nullcontext():
         return convert_opened(
             opened,
-            " ".join(map(str, inputs)),
+            joined(inputs),
             outputs,
             options,
             overwrite=overwrite,
@@ -221,8 +221,7 @@ def refuse_jobs(source: str | Path | Sequence[str | Path], window: Window | None
     Raises:
         SnifferError: it is standard input, or a part of a capture.
     """
-    inputs = [source] if isinstance(source, str | Path) else source
-    if any(str(one) == STDIN for one in inputs):
+    if any(str(one) == STDIN for one in inputs_of(source)):
         raise SnifferError(Sentence("{jobs} needs a file: save standard input first"))
     if window is not None and window.is_part:
         raise SnifferError(Sentence("{jobs} decodes a whole capture: leave {start} and {stop} out"))

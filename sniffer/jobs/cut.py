@@ -23,8 +23,7 @@ from sniffer.jobs.outputs import CUT
 from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.messages import OFFSET
-from sniffer.sources import open_source
-from sniffer.sources.several import name_of
+from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def cut(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     outputs: Sequence[Path],
     window: Window,
     options: Options | None = None,
@@ -55,7 +54,8 @@ def cut(
     the window. A recording says what it was cut from, and where its first byte stood there.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         outputs: the files, as for ``convert``.
         window: which part of it.
         options: how it is decoded: by that it is known where frames begin.
@@ -74,16 +74,17 @@ def cut(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
+    inputs = inputs_of(source)
     with (
-        undecided_of(name_of(str(source))),
-        open_source(source, input_format, again=True, wiring=options.wired) as opened,
+        undecided_of(name_of(inputs)),
+        open_capture(inputs, input_format, again=True, wiring=options.wired) as opened,
     ):
-        derived, options = part_of(opened, str(source), window, options, tell)
+        derived, options = part_of(opened, joined(inputs), window, options, tell)
         if anonymise:
             derived, options = anonymous(derived, options, tell)
         return convert_opened(
             derived,
-            str(source),
+            joined(inputs),
             outputs,
             options,
             overwrite=overwrite,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.sources import Source
+from sniffer.sources.source import Source
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ class Derived(Source):
         is_mixed: bool | None = None,
         tables: Callable[[], Sequence[RegisterMap]] | None = None,
     ) -> None:
-        super().__init__(of._origin, of.format, of.bus)
+        super().__init__(of.name, of.format)
         self._of = of
         self._made = made
         self._facts = facts
@@ -46,6 +46,11 @@ class Derived(Source):
     def __iter__(self) -> Iterator[Sequence[Chunk]]:
         yield from self._made(self._of)
         self.notes[:] = self._of.notes
+
+    @property
+    def label(self) -> str:
+        """What kind of input it is made of, in words."""
+        return self._of.label
 
     @property
     def is_mixed(self) -> bool:
@@ -63,6 +68,10 @@ class Derived(Source):
     def origin(self, path: str) -> str:
         """Return what a recording of it is to name as its source."""
         return path if self._from is None else self._from
+
+    def hasten(self, payload: int, chunks: int) -> None:
+        """Let the first group of what it is made of have no more."""
+        self._of.hasten(payload, chunks)
 
     def close(self) -> None:
         """Release the source."""

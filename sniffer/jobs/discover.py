@@ -15,6 +15,8 @@ from sniffer.statistics.guesses import guesses, model_of
 from sniffer.statistics.stub import stub
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.decoding.options import Options
     from sniffer.decoding.summary import Summary
     from sniffer.ground.registers import RegisterMap
@@ -60,7 +62,7 @@ class Discovered:
 
 
 def discover(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",

@@ -23,10 +23,11 @@ from sniffer.jobs.telling import Teller
 from sniffer.messages import TOOL
 from sniffer.reports.content import Content
 from sniffer.reports.evidence import Exhibits
-from sniffer.sources import open_source
-from sniffer.sources.several import name_of
+from sniffer.sources.several import inputs_of, name_of, open_capture
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.diagnosis import Incident
     from sniffer.jobs.hearing import HeardCapture
     from sniffer.jobs.session import Patience
@@ -60,7 +61,7 @@ class Reported:
 
 
 def report(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     output: str | Path | None = None,
     options: Options | None = None,
     *,
@@ -76,7 +77,8 @@ def report(
     capture that speaks another protocol than was said has no report.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         output: ``*.html`` or ``*.md``; no file is written where None.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
@@ -91,13 +93,14 @@ def report(
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
     path = None if output is None else Path(output)
+    inputs = inputs_of(source)
     if path is not None:
         _suffix_known(path)
-        check_outputs([path], [str(source)], force=overwrite, later=True)
+        check_outputs([path], [*map(str, inputs)], force=overwrite, later=True)
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format, again=True, wiring=options.wired) as opened:
+    with open_capture(inputs, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         name = name_of(source)
         hearing = hear(opened, options, name=name, tell=tell, patience=patience, window=window)

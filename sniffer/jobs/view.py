@@ -11,17 +11,19 @@ from sniffer.ground.needs import need_rerun
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.telling import Teller
-from sniffer.sources import open_source
+from sniffer.sources.several import inputs_of, joined, open_capture
 from sniffer.viewers import viewer
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.jobs.session import Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
 
 
 def view(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -35,7 +37,8 @@ def view(
     """Decode a capture and show it; return when the viewer's window is closed.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         options: how it is decoded.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         web: serve it for a browser on this machine, until Ctrl-C, instead of opening a window.
@@ -55,14 +58,15 @@ def view(
     tell = tell or Teller(lambda line: None, quiet=True)
     asked = Extract.of(selection, window)
     again = asked is not None and asked.seeks
-    with open_source(source, input_format, again=again, wiring=options.wired) as opened:
+    inputs = inputs_of(source)
+    with open_capture(inputs, input_format, again=again, wiring=options.wired) as opened:
         if not web:
-            viewer.need_display(source)
+            viewer.need_display(joined(inputs))
         with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
-            path = Path(folder) / f"{Path(source).stem or 'stdin'}.rrd"
+            path = Path(folder) / f"{Path(inputs[0]).stem or 'stdin'}.rrd"
             done = convert_opened(
                 opened,
-                str(source),
+                joined(inputs),
                 [path],
                 options,
                 overwrite=True,

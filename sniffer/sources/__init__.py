@@ -34,6 +34,7 @@ from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
 from sniffer.sources.saleae import read_saleae
 from sniffer.sources.socat import read_socat
+from sniffer.sources.source import Source
 from sniffer.sources.spy import read_spy
 from sniffer.sources.text import DamagedLine, Opened
 
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from sniffer.ground.wiring import Wiring
     from sniffer.sources.logic import LogicCapture
 
-__all__ = ["GROUP_CHUNKS", "SOURCES", "Source", "open_source"]
+__all__ = ["GROUP_CHUNKS", "SOURCES", "SingleSource", "Source", "open_source"]
 
 Reader = Callable[[Opened], Iterator[Chunk | ChunkRun]]
 
@@ -136,19 +137,13 @@ _LABELS: Final[Mapping[str, str]] = {
 }
 
 
-class Source:
-    """An input that is recognised: iterate it for groups of chunks, in order.
-
-    ``format`` is its name in :data:`SOURCES`. ``notes`` holds, after iterating, what a person
-    should know although nothing is wrong (dumps joined, a last line cut off).
-    """
+class SingleSource(Source):
+    """One input that is recognised; ``format`` is its name in :data:`SOURCES`."""
 
     def __init__(
         self, origin: Origin, input_format: str, bus: str, wiring: Wiring | None = None
     ) -> None:
-        self.format = input_format
-        self.name = origin.name
-        self.notes: list[str] = []
+        super().__init__(origin.name, input_format)
         self._origin = origin
         self.bus = bus
         self._first = GROUP, GROUP_CHUNKS
@@ -158,10 +153,6 @@ class Source:
             from sniffer.sources.logic import LogicCapture
 
             self._levels = LogicCapture(self._opened, input_format, wiring)
-
-    def origin(self, path: str) -> str:
-        """Return what a recording of it is to name as its source: the path it was opened by."""
-        return path
 
     @property
     def label(self) -> str:
@@ -182,10 +173,6 @@ class Source:
     def size(self) -> int | None:
         """Bytes of its file; None where it is none."""
         return None if self._origin.path is None else self._origin.path.stat().st_size
-
-    def describe(self) -> str:
-        """Return one line that says what the input is."""
-        return f"{self.name}: {self.label}"
 
     def hasten(self, payload: int, chunks: int) -> None:
         """Let the first group have no more than so many bytes and chunks: somebody waits for it."""
@@ -274,12 +261,6 @@ class Source:
             self._levels.close()
         self._origin.close()
 
-    def __enter__(self) -> Source:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 def open_source(
     path: str | Path | bytes | bytearray | memoryview,
@@ -310,7 +291,7 @@ def open_source(
         by_index = chosen in ("mcap", *ZIPPED)  # read here and there
         if (again and origin.live) or (by_index and origin.path is None):
             origin = Spooled(origin)
-        source = Source(origin, chosen, bus, wiring)
+        source = SingleSource(origin, chosen, bus, wiring)
         if chosen not in ("bin", "mcap"):
             source.rehearse()
     except BaseException:

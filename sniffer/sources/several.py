@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import DamagedInputError, InputError
-from sniffer.sources import Source, open_source
+from sniffer.sources import open_source
+from sniffer.sources.source import Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -28,9 +29,8 @@ class SeveralSources(Source):
     def __init__(self, parts: Sequence[Source]) -> None:
         self._parts = sorted(parts, key=_first) if all(map(_has_times, parts)) else list(parts)
         formats = {part.format for part in parts}
-        self.format = formats.pop() if len(formats) == 1 else "several"
-        self.name = f"{self._parts[0].name} and {len(parts) - 1} more"
-        self.notes = []
+        form = formats.pop() if len(formats) == 1 else "several"
+        super().__init__(f"{self._parts[0].name} and {len(parts) - 1} more", form)
 
     @property
     def label(self) -> str:
@@ -38,14 +38,19 @@ class SeveralSources(Source):
         return f"{len(self._parts)} inputs, one behind the other"
 
     @property
-    def path(self) -> None:
-        """There is no one file."""
+    def is_mixed(self) -> bool:
+        """Whether lines of two taps may be mixed in one of them."""
+        return any(part.is_mixed for part in self._parts)
 
     @property
     def size(self) -> int | None:
         """Bytes of all files; None where one is none."""
         sizes = [part.size for part in self._parts]
         return sum(size or 0 for size in sizes) if None not in sizes else None
+
+    def hasten(self, payload: int, chunks: int) -> None:
+        """Let the first group of the first of them have no more."""
+        self._parts[0].hasten(payload, chunks)
 
     def __iter__(self) -> Iterator[Sequence[Chunk]]:
         self.notes.clear()
@@ -93,10 +98,19 @@ STANDARD_INPUT: Final = "standard input"
 """What it is called where files have their names."""
 
 
+def inputs_of(source: str | Path | Sequence[str | Path]) -> list[str | Path]:
+    """Return the inputs of a capture, of one file or of several."""
+    return [source] if isinstance(source, str | Path) else [*source]
+
+
+def joined(inputs: Sequence[str | Path]) -> str:
+    """Return the inputs of a capture as a command names them."""
+    return " ".join(map(str, inputs))
+
+
 def name_of(source: str | Path | Sequence[str | Path]) -> str:
     """Return what a capture is called, of one file or of several."""
-    paths = [source] if isinstance(source, str | Path) else source
-    named = " ".join(map(str, paths))
+    named = joined(inputs_of(source))
     return STANDARD_INPUT if named == "-" else named
 
 
@@ -114,7 +128,7 @@ def open_capture(
     Raises:
         InputError: it cannot be read.
     """
-    paths = [source] if isinstance(source, str | Path) else source
+    paths = inputs_of(source)
     if len(paths) == 1:
         return open_source(paths[0], input_format, again=again, wiring=wiring)
     return open_sources(paths, input_format, wiring=wiring)

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 
 from sniffer.ground.model import Chunk, DamagedInputError
+from sniffer.sources import SingleSource
 from sniffer.sources.text import BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from sniffer.sources import Source
     from sniffer.sources.logstretches import LogCount, LogStretch
+    from sniffer.sources.source import Source
 
 HEAD: Final = 1 << 20
 """Bytes that are decoded first: what is spoken, how fast, and what servos are set to is known from
@@ -164,6 +165,8 @@ def stretches_of(source: Source, sizes: Sizes, jobs: int) -> Stretches | str:
 
     Nothing is said where it is too small to gain by it.
     """
+    if not isinstance(source, SingleSource):
+        return f"only one file can be read in parts, not {source.label}"
     if source.path is None:
         return "only a file that is not packed can be read in parts"
     if source.format == "bin":
@@ -175,7 +178,7 @@ def stretches_of(source: Source, sizes: Sizes, jobs: int) -> Stretches | str:
     return f"only raw bytes, candump logs and recordings are read in parts, not {source.label}"
 
 
-def _of_binary(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
+def _of_binary(source: SingleSource, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
     size = path.stat().st_size
     if size < sizes.smallest:
         return ""
@@ -192,7 +195,7 @@ def _of_binary(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches
     return Stretches(stretch(0, sizes.head), parts)
 
 
-def _of_log(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
+def _of_log(source: SingleSource, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
     from sniffer.sources.logstretches import LogStretch, is_one_way, line_behind
 
     size, head = path.stat().st_size, sizes.head * WRITTEN
@@ -220,7 +223,7 @@ def _of_log(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | 
     return Stretches(stretch(0, seams[0]), parts, tally)
 
 
-def _of_recording(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
+def _of_recording(source: SingleSource, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
     from sniffer.mcapfile.stretches import RecordedFile, indexed
 
     if path.stat().st_size < sizes.head:
