@@ -25,7 +25,7 @@ from sniffer.selection.selection import Selection
         "sniffer open /dev/ttyUSB0=mightyzap@57600 -o run.mcap",
     ),
 )
-@click.argument("file", shell_complete=files_here, metavar="FILE|PORT")
+@click.argument("files", shell_complete=files_here, metavar="FILE...|PORT", nargs=-1, required=True)
 @with_start
 @with_rows
 @decoding
@@ -37,7 +37,7 @@ from sniffer.selection.selection import Selection
     help="Where a PORT is recorded to. Without it: sniffer-DATE-TIME.mcap.",
 )
 def open(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     follow: bool,
@@ -50,15 +50,23 @@ def open(
     --servo, --where and the like are the filter that it begins with, f asks for another; --from is
     where the cursor begins, g goes elsewhere.
 
+    Several FILEs are one capture, read in the order of their times: such as the files of a
+    rotation; marks are kept of one.
+
     A PORT (as record takes it) is recorded into a file, and shown while it is.
     """
     from sniffer.inside.session import is_port, look_at_port, look_inside
 
-    if not is_port(file):
+    port = next(filter(is_port, files), None)
+    if port is not None and len(files) > 1:
+        raise click.UsageError(f"{port} is a port, which is looked at alone: name nothing else")
+    if follow and len(files) > 1:
+        raise click.UsageError("--follow shows what comes of one FILE: name one")
+    if port is None:
         if output is not None:
             raise click.UsageError("-o is where a port is recorded to: FILE is there already")
         look_inside(
-            file,
+            files,
             options,
             input_format=input_format,
             follow=follow,
@@ -73,7 +81,7 @@ def open(
     now = datetime.datetime.now()
     path = output or Path(f"sniffer-{now:%Y%m%d-%H%M%S}.mcap")
     try:
-        look_at_port(_arguments(file, path, options), path, options, selection)
+        look_at_port(_arguments(port, path, options), path, options, selection)
     finally:
         if path.exists():
             say(f"recorded in {path}")

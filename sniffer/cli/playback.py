@@ -95,7 +95,7 @@ def refuse_with_port(given: Mapping[str, Any]) -> None:
 
 
 def play_on(
-    file: str,
+    files: tuple[str, ...],
     to: tuple[str, ...],
     options: Options,
     playback: Mapping[str, Any],
@@ -129,7 +129,7 @@ def play_on(
     )
     with contextlib.closing(Stop()) as stop, ended_by_signals(stop.ask):
         done = play_back(
-            file,
+            files,
             ports,
             options,
             role=role,

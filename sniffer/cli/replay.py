@@ -14,8 +14,8 @@ from sniffer.cli.options import (
     Finite,
     decoding,
     examples,
-    files_here,
     with_color,
+    with_files,
     with_force,
     with_quiet,
     with_times,
@@ -46,7 +46,7 @@ from sniffer.sinks.standard import Standard
         "sniffer replay recording.mcap --to pty --as servos",
     ),
 )
-@click.argument("file", shell_complete=files_here)
+@with_files
 @with_part_and_ports
 @with_rows
 @decoding
@@ -79,7 +79,7 @@ from sniffer.sinks.standard import Standard
 @with_playback
 @with_quiet
 def replay(
-    file: str,
+    files: tuple[str, ...],
     options: Options,
     input_format: str,
     speed: float,
@@ -98,7 +98,8 @@ def replay(
 ) -> int:
     """Play FILE (a recording, or any capture) again through the console or Rerun, or on a port.
 
-    An input without times is played at the pace of its baud rate.
+    Several are one capture, read in the order of their times: such as the files of a rotation. An
+    input without times is played at the pace of its baud rate.
     """
     if not to:
         refuse_without_port(playback)
@@ -106,7 +107,7 @@ def replay(
         given = click.get_current_context().params
         refuse_with_port(given)
         return play_on(
-            file,
+            files,
             to,
             options,
             playback,
@@ -123,22 +124,24 @@ def replay(
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):
         raise click.UsageError("--redecode compares all that was recorded: take no part of it")
+    if redecode and len(files) > 1:
+        raise click.UsageError("--redecode compares one recording: name one FILE")
     if redecode and outputs:
         raise click.UsageError("--redecode compares, -o writes: choose one")
     if redecode:
         from sniffer.jobs.compare import compare
 
-        report = compare(Path(file), options, say=say)
+        report = compare(Path(files[0]), options, say=say)
         click.echo(str(report))
         return 0 if report.equal else 1
     if in_rerun:
         need_rerun()
-        shown = functools.partial(_rerun, Path(file).stem, options.names)
+        shown = functools.partial(_rerun, Path(files[0]).stem, options.names)
     else:
         shown = functools.partial(_console, times, color)
     with patient() as patience:
         ending = played(
-            file,
+            files,
             shown,
             options,
             input_format=input_format,

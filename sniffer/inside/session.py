@@ -16,7 +16,7 @@ from sniffer.inside.index import CaptureIndex
 from sniffer.inside.marks import into_recording
 from sniffer.inside.reading import Reading
 from sniffer.inside.recorder import BesideRecorder
-from sniffer.sources import open_source
+from sniffer.sources.several import inputs_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ SWITCH_S: Final = 0.001
 
 
 def look_inside(
-    source: str,
+    source: str | Sequence[str],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -40,7 +40,7 @@ def look_inside(
     """Show a capture on the terminal; return what was read when the user quits.
 
     Args:
-        source: a path.
+        source: a path; several are one capture, whose marks are not kept.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         follow: the file is being written: show what comes.
@@ -53,11 +53,13 @@ def look_inside(
         OutputError: Textual is not installed.
     """
     need_textual()
-    need_terminal(source)
+    inputs = inputs_of(source)
+    need_terminal(*map(str, inputs))
     options = options or Options()
     options.check()
-    with open_source(source, input_format, wiring=options.wired) as opened:
-        path = Path(source)
+    with open_capture(inputs, input_format, wiring=options.wired) as opened:
+        path = Path(inputs[0])
+        kept = path if len(inputs) == 1 else None
         reading = Reading(opened, options, CaptureIndex(), growing=path if follow else None)
         before = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_S)
@@ -68,8 +70,8 @@ def look_inside(
 
             glass = LookingGlass(
                 reading,
-                name=path.name,
-                marks=path,
+                name=path.name if kept else opened.name,
+                marks=kept,
                 follow=follow,
                 recorder=recorder,
                 wanted="" if selection is None else selection.text,
@@ -83,8 +85,9 @@ def look_inside(
             reading.index.discard()
             if recorder is not None:
                 recorder.stop()  # it writes the end of the file, before which nothing can be added
-            with contextlib.suppress(OutputError):  # then they stay beside it
-                into_recording(path)
+            if kept is not None:
+                with contextlib.suppress(OutputError):  # then they stay beside it
+                    into_recording(kept)
     if glass.return_code:  # its trace is on the terminal
         raise RuntimeError("the screen broke off")
     if reading.failure is not None and not len(reading.index.lines):
@@ -123,13 +126,13 @@ def look_at_port(
         recorder.stop()
 
 
-def need_terminal(source: str) -> None:
+def need_terminal(*sources: str) -> None:
     """Do nothing where keys can be read and a picture drawn.
 
     Raises:
-        InputError: there is no terminal, or the source is what keys are read from.
+        InputError: there is no terminal, or a source is what keys are read from.
     """
-    if source == "-":
+    if "-" in sources:
         raise InputError("keys are read from standard input: save the capture and give its name")
     if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
         raise InputError("this draws on a terminal, and there is none: `sniffer decode` prints")

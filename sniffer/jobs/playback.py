@@ -33,8 +33,7 @@ from sniffer.reports.runs import RunFigures
 from sniffer.simulation.play.opening import opened_port
 from sniffer.simulation.play.outlet import FrameWriter, unnoted
 from sniffer.simulation.play.player import Player, SimulatedClock, Stop
-from sniffer.sources import open_source
-from sniffer.sources.several import name_of
+from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -107,7 +106,7 @@ class PlayedBack:
 
 
 def play_back(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     ports: PlayedPorts,
     options: Options | None = None,
     *,
@@ -128,7 +127,8 @@ def play_back(
     A line begins when somebody has opened the pseudo-terminals that are made for it.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         ports: where.
         options: how it is decoded.
         role: who of the recording speaks.
@@ -151,21 +151,22 @@ def play_back(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
+    inputs = inputs_of(source)
     _check(role, ports, loop=loop, echo=echo, speed=speed)
     if outputs and role != PlayedRole.CONTROLLER:
         raise SnifferError("only a controller's talk with servos is new, and can be written")
     with contextlib.ExitStack() as stack:
         opened: Source = stack.enter_context(
-            open_source(source, input_format, again=True, wiring=options.wired)
+            open_capture(inputs, input_format, again=True, wiring=options.wired)
         )
         if window is not None:
-            opened, options = part_of(opened, str(source), window, options, tell)
+            opened, options = part_of(opened, joined(inputs), window, options, tell)
         else:
             options = options.with_facts(opened.facts(), opened.tables)
         stop = stop or stack.enter_context(contextlib.closing(Stop()))
         heard = Derived(opened, functools.partial(_until, stop), opened.facts())
         stack.enter_context(Promptly())
-        stage = _Stage(heard, str(source), options, tuple(buses), ports, stop, tell)
+        stage = _Stage(heard, joined(inputs), options, tuple(buses), ports, stop, tell)
         try:
             if role == PlayedRole.LINE:
                 return _line(stage, speed, loop=loop)

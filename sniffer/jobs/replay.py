@@ -25,8 +25,7 @@ from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts, told_part
 from sniffer.jobs.session import Ending, bytes_of, run_source
 from sniffer.jobs.telling import Teller
-from sniffer.sources import open_source
-from sniffer.sources.several import name_of
+from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -131,7 +130,7 @@ def paced(
 
 
 def replay(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     show: Callable[[], Sink],
     options: Options | None = None,
     *,
@@ -148,7 +147,8 @@ def replay(
     """Play a recording, or any capture, again in real time; return how it ended.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         show: opens what it is shown in; called once each time that it is played.
         options: how it is decoded.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
@@ -168,7 +168,8 @@ def replay(
     """
     if loop and outputs:
         raise SnifferError(Sentence("{loop} plays the same again: it is written once, without"))
-    if loop and str(source) == "-":
+    inputs = inputs_of(source)
+    if loop and "-" in map(str, inputs):
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
     options = options or Options()
     options.check()
@@ -176,12 +177,12 @@ def replay(
     refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
-    name = name_of(source)
+    name = name_of(inputs)
     ending, played = Ending.DONE, False
     while ending == Ending.DONE and (loop or not played):
         now = again if played else tell
         twice = asked is not None and asked.seeks
-        opened = open_source(source, input_format, again=twice, wiring=options.wired)
+        opened = open_capture(inputs, input_format, again=twice, wiring=options.wired)
         facts = opened.facts()
         if (about := told_part(facts)) is not None:
             now.talk(about)
@@ -198,8 +199,8 @@ def replay(
         ends = (None, None) if asked is None else asked.ends(_first_time(head))
         baud = usual_baud(options, head[0].bus if head else "")
         groups = paced(steps(timed(chunks, baud)), speed, ends=ends)
-        session = session_facts(opened.origin(str(source)), options, facts)
-        decoded, raw = open_all(outputs, session, [str(source)], force=overwrite)
+        session = session_facts(opened.origin(joined(inputs)), options, facts)
+        decoded, raw = open_all(outputs, session, [*map(str, inputs)], force=overwrite)
         copies = Copies(raw)
         try:
             with bytes_of(name):

@@ -66,7 +66,12 @@ class Exhibits:
         self._wanted: dict[str, list[tuple[int, int, int]]] = {}
         self._places: list[tuple[int, Place]] = []
         self._pieces: dict[int, list[Drawn]] = {}
-        self._beside: dict[int, tuple[list[Drawn], list[Drawn]]] = {}
+        self._before: dict[int, list[Drawn]] = {}
+        self._behind: dict[int, list[Drawn]] = {}
+        self._last: dict[str, list[Drawn]] = {}
+        """By bus the last frames of the pass before: a place may stand at the begin of the next."""
+        self._open: dict[str, list[tuple[int, int]]] = {}
+        """By bus the places, with their ends, behind which a pass had no frame any more."""
         for incident in incidents:
             for place in chosen(incident):
                 if len(self._places) < DRAWN_MOST:
@@ -87,13 +92,29 @@ class Exhibits:
         """Draw what of the batch is evidence."""
         for name in dict.fromkeys((bus, bus_of(bus, protocol, batch))):
             end = batch.base + len(batch.data)
+            for nth, high in self._open.pop(name, ()):
+                self._follow(name, nth, high, batch, protocol)
             for low, high, nth in self._wanted.get(name, ()):
                 if low < end and high > batch.base:
                     pieces = self._pieces.setdefault(nth, [])
-                    self._beside.setdefault(nth, _beside(batch, protocol, low, high))
                     pieces += _pieces(batch, protocol, low, high, PIECES - len(pieces))
-            if self._left.get(name, end + 1) <= end:
+                    if nth not in self._before:
+                        before = [*self._last.get(name, ()), *_before(batch, protocol, low)]
+                        self._before[nth] = before[-BEFORE:]
+                        self._follow(name, nth, high, batch, protocol)
+            if self._left.get(name, end + 1) <= end and name not in self._open:
                 del self._left[name]
+            if name in self._left:
+                self._last[name] = _before(batch, protocol, end) or self._last.get(name, [])
+
+    def _follow(self, name: str, nth: int, high: int, batch: Batch, protocol: BusProtocol) -> None:
+        """Take the frames of a batch that are right behind a place, which ends at ``high``."""
+        behind = self._behind.setdefault(nth, [])
+        first = int(np.searchsorted(batch.frames.start, high - batch.base, "left"))
+        for row in range(first, min(first + BEHIND - len(behind), len(batch.frames))):
+            behind.append(draw_frame(batch, protocol, row))
+        if len(behind) < BEHIND:
+            self._open.setdefault(name, []).append((nth, high))
 
     def close(self) -> None:
         """Do nothing: what was drawn is asked for afterwards."""
@@ -103,7 +124,7 @@ class Exhibits:
         out: dict[int, list[Exhibit]] = {}
         for nth, (number, place) in enumerate(self._places):
             pieces = sorted(self._pieces.get(nth, []), key=lambda piece: piece.offset)
-            beside = (tuple(frames) for frames in self._beside.get(nth, ((), ())))
+            beside = (tuple(told.get(nth, ())) for told in (self._before, self._behind))
             out.setdefault(number, []).append(Exhibit(place, tuple(pieces), *beside))
         return out
 
@@ -121,16 +142,10 @@ def _pieces(batch: Batch, protocol: BusProtocol, low: int, high: int, most: int)
     ]
 
 
-def _beside(
-    batch: Batch, protocol: BusProtocol, low: int, high: int
-) -> tuple[list[Drawn], list[Drawn]]:
-    """Return the frames of a batch right before and right behind two absolute offsets."""
-    f = batch.frames
-    last = int(np.searchsorted(f.end, low - batch.base, "right"))
-    first = int(np.searchsorted(f.start, high - batch.base, "left"))
-    before, behind = range(max(last - BEFORE, 0), last), range(first, min(first + BEHIND, len(f)))
-    rows = ([draw_frame(batch, protocol, i) for i in some] for some in (before, behind))
-    return next(rows), next(rows)
+def _before(batch: Batch, protocol: BusProtocol, low: int) -> list[Drawn]:
+    """Return the frames of a batch right before an absolute offset."""
+    last = int(np.searchsorted(batch.frames.end, low - batch.base, "right"))
+    return [draw_frame(batch, protocol, i) for i in range(max(last - BEFORE, 0), last)]
 
 
 def _within(start: I64, length: I64, low: int, high: int) -> list[tuple[int, int]]:

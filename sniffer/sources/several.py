@@ -94,6 +94,9 @@ class SeveralSources(Source):
             part.close()
 
 
+NAMED_MOST: Final = 3
+"""Files of a capture that its name has; of more it has the first."""
+
 STANDARD_INPUT: Final = "standard input"
 """What it is called where files have their names."""
 
@@ -110,7 +113,10 @@ def joined(inputs: Sequence[str | Path]) -> str:
 
 def name_of(source: str | Path | Sequence[str | Path]) -> str:
     """Return what a capture is called, of one file or of several."""
-    named = joined(inputs_of(source))
+    inputs = inputs_of(source)
+    if len(inputs) > NAMED_MOST:
+        return f"{inputs[0]} and {len(inputs) - 1} more"
+    named = joined(inputs)
     return STANDARD_INPUT if named == "-" else named
 
 
