@@ -1,4 +1,4 @@
-"""Every command that reads a capture reads it in several files, too: such as those of a rotation."""
+"""Commands that read a capture read it in several files, too: such as those of a rotation."""
 
 from __future__ import annotations
 
