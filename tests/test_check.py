@@ -318,6 +318,8 @@ def test_rules_that_cannot_be_read_are_told_in_one_line(tmp_path: Path, capsys: 
     (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
     odd = within(capsys, "check", CLEAN, "--rules", tmp_path / "x.toml")
     assert (odd.status, odd.complaint) == (2, f"{tmp_path}/x.toml: rules are text in UTF-8")
+    folder = within(capsys, "check", CLEAN, "--rules", tmp_path)
+    assert folder.complaint == f"{tmp_path} is a directory: give the file in it"
     missing = within(capsys, "check", CLEAN)
     assert missing.status == 2
     assert "--rules" in missing.complaint

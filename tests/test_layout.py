@@ -176,3 +176,10 @@ def test_a_folder_and_a_file_that_is_not_there_are_told_as_everywhere(
         f"{tmp_path} is a directory: give the recording in it",
         f"{tmp_path / 'no.mcap'}: there is no such file",
     ]
+
+
+def test_an_empty_recording_is_said_to_be_empty(tmp_path: Path, capsys: Capsys) -> None:
+    (tmp_path / "none.mcap").touch()
+    done = within(capsys, "layout", tmp_path / "none.mcap")
+    assert done.status == 2
+    assert done.complaint.endswith("none.mcap is empty: there is nothing to show")

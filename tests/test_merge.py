@@ -199,6 +199,7 @@ def test_pieces_of_a_log_are_one_bus_where_they_are_one_capture(
         (("{a}", "{b}", "--pair", "--align"), "--align is about what both heard: of two wires say"),
         (("{a}", "{b}", "--pair", "--together"), "--pair is about two wires, --together about"),
         (("{a}", "{b}", "{a}", "--pair"), "--pair is about two captures, one of each wire"),
+        (("{a}", "{b}", "{a}"), "{a} is named twice"),
         (("{a}", "{hex}"), "{hex} has no times: it cannot be merged by them"),
     ],
 )

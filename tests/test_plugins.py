@@ -192,6 +192,8 @@ def test_a_line_that_cannot_be_understood_is_told_with_its_file_and_register(
 def test_a_table_that_is_no_file_or_no_text_is_told(tmp_path: Path) -> None:
     with pytest.raises(SnifferError, match=r"nix\.toml: cannot be read"):
         RegisterMap.from_toml(tmp_path / "nix.toml")
+    with pytest.raises(SnifferError, match="is a directory: give the file in it"):
+        RegisterMap.from_toml(tmp_path)
     (tmp_path / "odd.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(SnifferError, match="text in UTF-8"):
         RegisterMap.from_toml(tmp_path / "odd.toml")

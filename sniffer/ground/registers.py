@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, ROLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
-from sniffer.ground.toml import quick
+from sniffer.ground.toml import quick, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -96,13 +96,7 @@ class RegisterMap:
             SnifferError: the file cannot be read, or a line of it cannot be understood.
         """
         file = Path(path)
-        try:
-            text = file.read_bytes().decode("utf-8")
-        except OSError as error:
-            raise SnifferError(f"{file}: cannot be read ({error.strerror})") from None
-        except UnicodeDecodeError:
-            raise SnifferError(f"{file}: a register table is text in UTF-8") from None
-        return cls.from_text(text, str(file))
+        return cls.from_text(text_of(file, "a register table is"), str(file))
 
     @classmethod
     def from_text(cls, text: str, name: str) -> RegisterMap:

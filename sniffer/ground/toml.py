@@ -1,14 +1,20 @@
-"""Register tables as they are usually written, read line by line; anything else is left to tomllib.
+"""Files that people write: their text, and register tables as they are usually written.
 
-A command that tells the protocol from the bytes reads a dozen tables, 4,800 lines. The standard
-library's reader takes thrice as long for them as Python to start; this one a fifth of that, for a
-line of a table is a key and a plain value. A test holds that both read all tables alike.
+Tables are read line by line; anything else in them is left to tomllib. A command that tells the
+protocol from the bytes reads a dozen tables, 4,800 lines. The standard library's reader takes
+thrice as long for them as Python to start; this one a fifth of that, for a line of a table is a key
+and a plain value. A test holds that both read all tables alike.
 """
 
 from __future__ import annotations
 
 import re
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.ground.model import SnifferError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _TEXT: Final = r'"[^"\\\x00-\x08\x0a-\x1f\x7f]*"'
 _NUMBER: Final = r"0x[0-9A-Fa-f]+|-?(?:0|[1-9]\d*)(?:\.\d+)?(?:e-?\d+)?"
@@ -26,6 +32,22 @@ _PAIR: Final = re.compile(rf"({_TEXT}|[a-z_]+) = ({_SCALAR}|{_LIST})")
 
 ENTRY: Final = "[[register]]"
 """The line that begins each register."""
+
+
+def text_of(path: Path, what: str) -> str:
+    """Return the text of a file that somebody wrote; ``what`` is what it holds, as "rules are".
+
+    Raises:
+        SnifferError: it cannot be read, or is no text.
+    """
+    try:
+        return path.read_bytes().decode("utf-8")
+    except IsADirectoryError:
+        raise SnifferError(f"{path} is a directory: give the file in it") from None
+    except OSError as error:
+        raise SnifferError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise SnifferError(f"{path}: {what} text in UTF-8") from None
 
 
 def quick(text: str) -> dict[str, Any] | None:

@@ -24,6 +24,7 @@ from sniffer.merging.aligning import MOST, aligned
 from sniffer.merging.merger import Merger
 from sniffer.messages import OFFSET
 from sniffer.sources import GROUP_CHUNKS, open_source
+from sniffer.sources.several import refuse_twice
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -117,6 +118,7 @@ def merge(
     if pair and align:
         told = "{align} is about what both heard: of two wires say {offsets}"
         raise SnifferError(Sentence(told))
+    refuse_twice(sources)
     with contextlib.ExitStack() as stack:
         inputs = []
         for path in sources:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import SnifferError
+from sniffer.ground.toml import text_of
 from sniffer.ground.wording import offered, short
 
 if TYPE_CHECKING:
@@ -57,10 +58,8 @@ def read_joints(path: Path) -> tuple[RosJoint, ...]:
         SnifferError: it cannot be read, or says what cannot be meant.
     """
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SnifferError(f"{path}: cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        told = tomllib.loads(text_of(path, "names of joints are"))
+    except tomllib.TOMLDecodeError as error:
         raise SnifferError(f"{path} is no TOML: {error}") from None
     tables = told.pop("joint", None)
     if told or not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):

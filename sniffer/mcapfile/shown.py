@@ -41,6 +41,8 @@ def layout_of(path: Path) -> dict[str, Any]:
                 made = _made(stream, path)
         except OSError as error:
             raise unreadable(path, error) from None
+    if made is None and not path.stat().st_size:
+        raise InputError(f"{path} is empty: there is nothing to show")
     if made is None:
         raise InputError(
             f"{path} has nothing that viewers show: `sniffer convert {path} whole.mcap` writes a "

@@ -18,6 +18,7 @@ from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import Severity, SnifferError
+from sniffer.ground.toml import text_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -109,13 +110,7 @@ def read_rules(path: Path) -> tuple[Rule, ...]:
     Raises:
         SnifferError: it cannot be read, or a line of it cannot be understood.
     """
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise SnifferError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise SnifferError(f"{path}: rules are text in UTF-8") from None
-    return rules_of(text, str(path))
+    return rules_of(text_of(path, "rules are"), str(path))
 
 
 def rules_of(text: str, name: str = "rules") -> tuple[Rule, ...]:

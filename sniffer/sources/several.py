@@ -150,10 +150,7 @@ def open_sources(
     """
     if not paths:
         raise InputError("there is no input: name a file")
-    named = [str(path) for path in paths]
-    for name in named:
-        if named.count(name) > 1:
-            raise InputError(f"{name} is named twice")
+    refuse_twice(paths)
     parts: list[Source] = []
     try:
         # their beginnings are looked at before they are read: a pipe is kept
@@ -163,6 +160,14 @@ def open_sources(
         for part in parts:
             part.close()
         raise
+
+
+def refuse_twice(paths: Sequence[str | Path]) -> None:
+    """Raise an InputError where an input is named twice."""
+    named = [str(path) for path in paths]
+    for name in named:
+        if named.count(name) > 1:
+            raise InputError(f"{name} is named twice")
 
 
 def _follow(
