@@ -344,6 +344,20 @@ def test_figures_count_what_is_shown(index: CaptureIndex) -> None:
     assert {s.servo: s.missing for s in one.servos} == {1: missing[1]}
 
 
+def test_figures_of_exchanges_count_both_halves(index: CaptureIndex) -> None:
+    view = LineView(index)
+    whole = figures_of(index, view.frames())
+    assert whole == figures_of(index, np.arange(len(index.lines)))
+    view.choose(None, exchanges=True)
+    assert judged(view).count < len(index.lines)
+    assert figures_of(index, view.frames()) == whole
+    view.choose(filter_of("kind=response servo=2"), exchanges=True)
+    (two,) = figures_of(index, judged(view).frames()).servos
+    answers = index.lines[(index.lines["kind"] == 1) & (index.lines["servo"] == 2)]
+    assert two.answers == len(answers)
+    assert two.requests == int((answers["partner"] >= 0).sum())
+
+
 def test_the_help_has_every_key() -> None:
     text = help_text()
     for key in KEYS:

@@ -90,7 +90,7 @@ class FiguresPane(TextPane):
         if self._counted is None:
             self.show("counting …")
         self._counted = of
-        index, numbers = view.index, view.shown().copy()
+        index, numbers = view.index, view.frames()
         self._rests_until = math.inf
 
         def counted() -> None:

@@ -92,6 +92,14 @@ class LineView:
         """Return the numbers of all lines that are shown."""
         return np.arange(self.end) if self.is_whole else self._shown[: self._count]
 
+    def frames(self) -> I64:
+        """Return the numbers of the lines that are shown, of an exchange those of both halves."""
+        shown = self.shown()
+        if not self.exchanges:
+            return shown.copy()
+        partner = self.index.lines["partner"][shown].astype(np.int64)
+        return np.unique(np.concatenate([shown, partner[partner >= 0]]))
+
     def position(self, line: int) -> int:
         """Return the position of a line, or that of the next one behind it that is shown."""
         if self.is_whole:
