@@ -21,6 +21,7 @@ from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.explaining import pieces
+from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
 from tests.records import batches, gaps, records
 from tests.streams import chunked, damaged
@@ -224,11 +225,14 @@ def test_a_header_of_one_byte_that_ends_a_run_is_told_though_the_next_run_begins
 
 
 def test_an_answer_that_comes_once_the_move_is_done_is_not_counted_as_unasked() -> None:
-    book = CommandBook(SIZED)
+    book, collector = CommandBook(SIZED), Collector()
     move, starts = said("sized", 0xFD, b"\x05"), said("sized", 0xFD, b"\x01", back=True)
     done = said("sized", 0xFD, b"\x02", back=True)
     for batch in heard("sized", (move + starts + done) * 5 + starts):
         book.add(batch, batch)
+        collector.write("bus", SIZED, batch)
     rows = book.figures()
     assert sum(row.responses for row in rows) == 11
     assert sum(row.unasked for row in rows) == 1
+    ((_, _, servo),) = collector.servos()
+    assert (servo.responses, servo.outcomes["unsolicited"]) == (11, 1)

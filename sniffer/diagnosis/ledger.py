@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.matching import unasked
 from sniffer.diagnosis.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
@@ -36,9 +37,7 @@ from sniffer.ground.codes import (
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
-    ON_ITS_OWN,
     REQUEST,
-    UNSOLICITED,
     WHOLE,
 )
 from sniffer.ground.gaps import Gaps
@@ -210,7 +209,7 @@ class Ledger:
             missing=0 if sound else outcome == NO_RESPONSE,
             damaged=0 if sound else outcome == DAMAGED,
             mismatched=0 if sound else outcome == MISMATCHED,
-            unsolicited=0 if sound else (outcome == UNSOLICITED) & (f.token[answer] != ON_ITS_OWN),
+            unsolicited=0 if sound else unasked(batch)[told],
             took_n=1 if sound else timed,
             took_sum=took if sound else np.where(timed, took, 0),
             took_min=least if sound else np.where(timed, least, NOT_KNOWN),

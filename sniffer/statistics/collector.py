@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.matching import unasked
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import SEVERITY, Anomalies
-from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, WHOLE
+from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNSOLICITED, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import MS, MarkKind, Severity
@@ -92,7 +93,8 @@ class LaneFigures:
         bare = np.isin(who, self._nobody) & (t.response >= 0)
         who[bare] = f.servo_id[t.response[bare]]
         many = len(OUTCOMES)
-        keys, _, counts = distinct((who + 1) * many + t.outcome)
+        told = (t.outcome != UNSOLICITED) | unasked(batch)
+        keys, _, counts = distinct((who[told] + 1) * many + t.outcome[told])
         for key, n in zip(keys.tolist(), counts.tolist(), strict=True):
             mine = self.servos.get(key // many - 1)
             if mine is not None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.durations import Quantiles
+from sniffer.decoding.matching import unasked
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
-from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, ON_ITS_OWN, REQUEST, UNSOLICITED
+from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO
 from sniffer.statistics.cycles import Cycles, Loop, Periods
@@ -155,7 +156,7 @@ class CommandBook:
             ok=wanted & (t.outcome == OK),
             missing=wanted & (t.outcome == NO_RESPONSE),
             failed=wanted & np.isin(t.outcome, FAILED),
-            unasked=(t.outcome == UNSOLICITED) & (f.token[answer] != ON_ITS_OWN),
+            unasked=unasked(batch),
         )
         known = (t.outcome == OK) & (t.response_time_ns >= 0)
         took, spread = t.response_time_ns[known], t.uncertainty_ns[known]
