@@ -41,6 +41,10 @@ Capsys = pytest.CaptureFixture[str]
         (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
         (["--input-format", "nix"], "'nix' is not one of 'auto', 'bin'"),
         (["--nix"], "No such option '--nix': see `sniffer decode --help`"),
+        (["--wide"], "No such option '--wide': `sniffer convert` takes it; see `sniffer decode"),
+        (["--why", "1"], "No such option '--why': `sniffer diagnose` takes it; see"),
+        (["--ring", "3s"], "'--ring': `sniffer record` takes it; see"),
+        (["--together"], "No such option '--together': see `sniffer decode --help`"),
         (["and-another"], "and-another: there is no such file"),
     ],
 )

@@ -26,7 +26,7 @@ from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
 from sniffer.ground.naming import worded
 from sniffer.ground.streams import silence
-from sniffer.ground.wording import nearly
+from sniffer.ground.wording import and_, nearly
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -225,7 +225,30 @@ def _with_help(error: click.ClickException) -> str:
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
     ctx = error.ctx if isinstance(error, click.UsageError) else None
-    return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
+    if isinstance(error, click.NoSuchOption) and (others := _who_takes(error)):
+        told = f"No such option '{error.option_name}': {others};"
+    else:
+        told = f"{told.rstrip('.')}:"
+    return f"{told} see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+_FEW: Final = 3
+"""Of an option that more commands have nobody is told which."""
+
+
+def _who_takes(error: click.NoSuchOption) -> str:
+    """Return which other commands have an option, where they are few."""
+    group = error.ctx.parent.command if error.ctx and error.ctx.parent else None
+    if not isinstance(group, click.Group):
+        return ""
+    takers = [
+        f"`sniffer {name}`"
+        for name, command in group.commands.items()
+        if any(error.option_name in (*p.opts, *p.secondary_opts) for p in command.params)
+    ]
+    if not 0 < len(takers) <= _FEW:
+        return ""
+    return f"{and_(takers)} {'take' if len(takers) > 1 else 'takes'} it"
 
 
 _JUDGES: Final = (
