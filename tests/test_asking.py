@@ -231,6 +231,13 @@ def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: 
     assert last.endswith(
         "; servo 7 is not in it: one of 1, 2, 3, 254; servo 9 is not in it: one of 1, 2, 3, 254"
     )
+    for column, odd, meant in (
+        ("quantity", "temprature", "temperature"),
+        ("register", "present_positon", "present_position"),
+    ):
+        ran = within(capsys, "decode", CAPTURE, "--where", f"{column} = '{odd}'")
+        last = " ".join(ran.out.split())
+        assert last.endswith(f"; {column} '{odd}' is not in it: did you mean {meant}?")
     ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "3")
     assert "is not in it" not in ran.out
 

@@ -18,6 +18,7 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
+from sniffer.protocols import PROTOCOLS
 from sniffer.sinks.consoles import NARROWEST
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ GLUE: Final = "\u2800"
 
 SERVOS: Final = 3
 """How many servos are named beside an anomaly."""
+
+LISTED: Final = 200
+"""Characters that names which might be meant may take; of more, as registers are, none is told."""
 
 _PADDING: Final = later(r" *(\x1b\[0m)? *$")
 
@@ -61,16 +65,25 @@ def _unheard(summary: Summary, where: str) -> Iterator[str]:
     """Yield what is named in a selection that shows nothing, and is not in the capture."""
     from sniffer.selection.expression import near
 
-    ops = {op for b in summary.buses.values() for each in (b, *b.parts.values())
-           for _, op, _ in each.by_command}  # fmt: skip
-    for column, known in (("op", ops), ("bus", set(summary.buses))):
-        listed = re.search(rf"\b{column} (?:= |IN \()((?:'[^']*'(?:, )?)+)", where)
+    every = [each for b in summary.buses.values() for each in (b, *b.parts.values())]
+    ops = {op for each in every for _, op, _ in each.by_command}
+    registers = [r for each in every if each.protocol in PROTOCOLS
+                 for r in PROTOCOLS[each.protocol].registers]  # fmt: skip
+    for column, known in (
+        ("op", ops),
+        ("bus", set(summary.buses)),
+        ("register", {r.name for r in registers}),
+        ("quantity", {r.quantity for r in registers if r.quantity}),
+        ("unit", {r.unit for r in registers if r.unit}),
+    ):
+        listed = re.search(rf"\b{column}\s*(?:=\s*|IN\s*\()((?:'[^']*'(?:,\s*)?)+)", where, re.I)
         for name in re.findall(r"'([^']*)'", listed[1]) if listed else ():
             if name not in known and known:
-                yield f"{column} {name[:40]!r} is not in it: {near(name, sorted(known))}"
-    who = {servo for b in summary.buses.values() for each in (b, *b.parts.values())
-           for servo, _, _ in each.by_command if servo >= 0}  # fmt: skip
-    listed = re.search(r"\bservo_id (?:= |IN \()((?:\d+(?:, )?)+)", where)
+                told = near(name, sorted(known))
+                advice = f": {told}" if len(told) < LISTED else ""
+                yield f"{column} {name[:40]!r} is not in it{advice}"
+    who = {servo for each in every for servo, _, _ in each.by_command if servo >= 0}
+    listed = re.search(r"\bservo_id\s*(?:=\s*|IN\s*\()((?:\d+(?:,\s*)?)+)", where, re.I)
     for servo in re.findall(r"\d+", listed[1]) if listed else ():
         if int(servo) not in who and who:
             shown = ", ".join(map(str, sorted(who)))
