@@ -40,7 +40,7 @@ FINDINGS: Final = (
     FindingCode(
         "others-away-too",
         "pairing",
-        "When a servo is away, another one is away as well.",
+        "Another servo goes away, too: in the same moments, or about as often.",
         "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each; or it is away once, and two others twice or more each. Others miss nothing.",
     ),
     FindingCode(
