@@ -178,9 +178,11 @@ def test_both_runs_stand_in_one_picture(tmp_path: Path, capsys: Capsys) -> None:
     out = tmp_path / "both.rrd"
     ran = within(capsys, "diff", a, b, "-o", out)
     assert ran.status in (0, 1)
-    content = out.read_bytes()
-    for run_name in (b"/A/servo/1", b"/B/servo/1"):
-        assert run_name in content
+    _, styles = read(out)
+    for run_name in "AB":
+        of_servo = styles[f"/{run_name}/servo/1/present_position"]
+        assert of_servo["SeriesLines:names"] == [f"servo 1 {run_name}"]
+        assert styles[f"/{run_name}/bus_load"]["SeriesLines:names"] == [f"bus {run_name}"]
     again = within(capsys, "diff", a, b, "-o", out)
     assert again.status == 2
     assert again.complaint.endswith("is there already: choose another name, or --force")

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.rerun.entities import Shape
 
-    Who = Callable[[BusProtocol, int], tuple[int, str, Rgb]]
+    Whose = tuple[int, str, Rgb]
+    Who = Callable[[BusProtocol, int], Whose]
     Path = Callable[[str, int, str], str]
 
 MARKS: Final[Mapping[str, tuple[Rgb, Shape, float]]] = {
@@ -49,17 +50,16 @@ FEW_NAMED: Final = 3
 """Who is off the goal by more than so many times what the next one is, is named; so many at most.
 """
 
-GREY: Final[Rgb] = (160, 170, 190)
-
 
 class Gauges:
     """Reckons the curves, one set a bus.
 
-    ``who`` tells whose a curve is, its name and its colour; ``path`` names its entity.
+    ``who`` tells whose a curve is, its name and its colour, ``line`` the same of those of the bus
+    itself; ``path`` names an entity.
     """
 
-    def __init__(self, who: Who, path: Path) -> None:
-        self._who, self._path = who, path
+    def __init__(self, who: Who, line: Callable[[], Whose], path: Path) -> None:
+        self._who, self._line, self._path = who, line, path
         self._curves: dict[tuple[str, int, str], Curve] = {}
         self._seconds: dict[tuple[str, int, str], SecondFold] = {}
         self._following: dict[tuple[str, int], tuple[str, Following]] = {}
@@ -185,7 +185,7 @@ class Gauges:
     ) -> None:
         key = bus, servo, quantity
         if key not in self._seconds:
-            who, name, colour = (EVERYONE, "bus", GREY) if servo < 0 else self._who(protocol, servo)
+            who, name, colour = self._line() if servo < 0 else self._who(protocol, servo)
             track = Track(self._entity(*key), bus, who, quantity, unit)
             self._curves[key] = PerSecond(track, name, colour)
             fold = np.maximum if quantity in (PEAK_ERROR, PEAK_TIME) else np.add

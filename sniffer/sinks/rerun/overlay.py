@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.sink import bus_of
 from sniffer.sinks.rerun.layout import mixed
 from sniffer.sinks.rerun.sink import RerunSink
 
 if TYPE_CHECKING:
-    from sniffer.ground.colours import Rgb
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
-    from sniffer.sinks.rerun.entities import Curve, Strip
+    from sniffer.sinks.rerun.gauges import Whose
     from sniffer.sinks.rerun.plots import Track
 
 DARKER: Final = 0.45
@@ -26,17 +27,22 @@ class OverlaidSink(RerunSink):
     _run = ""
     _first = ""
 
-    def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Curve:
-        self._run, self._first = bus, self._first or bus
-        return super()._line(bus, protocol, servo, number)
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass of a run decided."""
+        self._run = bus_of(bus, protocol, batch)
+        self._first = self._first or self._run
+        super().write(bus, protocol, batch)
 
-    def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Strip:
-        self._run, self._first = bus, self._first or bus
-        return super()._lane(bus, protocol, servo, number)
-
-    def _who(self, protocol: BusProtocol, servo: int) -> tuple[int, str, Rgb]:
+    def _who(self, protocol: BusProtocol, servo: int) -> Whose:
         """Return whose a track is in which run, and its colour."""
-        who, name, colour = super()._who(protocol, servo)
+        return self._of_run(super()._who(protocol, servo))
+
+    def _line_itself(self) -> Whose:
+        """Return the same of a track that is nobody's."""
+        return self._of_run(super()._line_itself())
+
+    def _of_run(self, told: Whose) -> Whose:
+        who, name, colour = told
         own = colour if self._run == self._first else mixed(colour, _BLACK, DARKER)
         return who, f"{name} {self._run}", own
 

@@ -19,11 +19,21 @@ import numpy as np
 from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
-from sniffer.ground.colours import Colours, Rgb
+from sniffer.ground.colours import Colours
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
+from sniffer.sinks.rerun.entities import (
+    ALARM,
+    DATED_NS,
+    GREY,
+    WHITE,
+    Curve,
+    Entity,
+    Log,
+    LogLine,
+    Strip,
+)
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
@@ -45,6 +55,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.rerun.gauges import Whose
 
 FLUSH_S: Final = 60.0
 """How long a slow disk or viewer may take for what is still to be written."""
@@ -106,7 +117,7 @@ class RerunSink:
         self._marks: dict[tuple[str, int], Log] = {}
         self._colours = Colours()
         self._names = names or {}
-        self._gauges = Gauges(self._who, self._entity)
+        self._gauges = Gauges(self._who, self._line_itself, self._entity)
         self._first_error: int | None = None
         self._dated: bool | None = None
         self._span: tuple[int, int] | None = None
@@ -290,7 +301,7 @@ class RerunSink:
             lane = self._lanes[bus, servo, number] = Strip(track, name, colour)
         return lane
 
-    def _who(self, protocol: BusProtocol, servo: int) -> tuple[int, str, Rgb]:
+    def _who(self, protocol: BusProtocol, servo: int) -> Whose:
         """Return whose a track is, what legends call it, and its colour."""
         # The id 0 of some protocols is both: a servo's own, and heard by all.
         if servo in protocol.everyone and servo:
@@ -298,6 +309,10 @@ class RerunSink:
         own = self._names.get(servo)
         name = f"servo {servo}" if own is None else f"{own} ({servo})"
         return servo, name, self._colours.of(servo)
+
+    def _line_itself(self) -> Whose:
+        """Return the same of a track that is nobody's: how much is said on the line."""
+        return EVERYONE, "bus", GREY
 
     def _entity(self, bus: str, servo: int, name: str) -> str:
         """Return the path of an entity of a servo, or of all."""
