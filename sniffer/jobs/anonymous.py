@@ -12,7 +12,6 @@ from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import DamagedInputError
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
-from sniffer.jobs.outputs import NOBODY
 from sniffer.messages import OFFSET
 
 if TYPE_CHECKING:
@@ -123,8 +122,15 @@ def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Op
                 out.append(replace(chunk, data=data, t_ns=t_ns, bus=bus))
             yield out
 
-    derived = Derived(opened, made, nameless(opened.facts(), names), origin=NOBODY)
+    derived = _Nameless(opened, made, nameless(opened.facts(), names))
     return derived, _unnamed(given, names)
+
+
+class _Nameless(Derived):
+    """A capture of which nobody is to know whose it was, and when."""
+
+    def origin(self, path: str) -> None:
+        """Name nobody."""
 
 
 def _renamed(told: Mapping[str, T], names: Mapping[str, str]) -> dict[str, T]:

@@ -65,7 +65,7 @@ class Derived(Source):
         """Return the register tables that are attached."""
         return self._of.tables() if self._tables is None else list(self._tables())
 
-    def origin(self, path: str) -> str:
+    def origin(self, path: str) -> str | None:
         """Return what a recording of it is to name as its source."""
         return path if self._from is None else self._from
 

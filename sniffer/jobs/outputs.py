@@ -48,7 +48,7 @@ CUT: Final = "cut"
 was asked for), ``cut.offset.<bus>`` (where its first byte stood there)."""
 
 NOBODY: Final = "a capture without names"
-"""The source of what is to tell nobody's name nor day: when it was written is not said either."""
+"""What stands for the source of what is to tell nobody's name."""
 
 _MADE: Final = ("tool", "source", "written")
 
@@ -60,18 +60,19 @@ _ANEW: Final = frozenset(
 
 
 def session_facts(
-    source: str, options: Options, known: Mapping[str, str] | None = None
+    source: str | None, options: Options, known: Mapping[str, str] | None = None
 ) -> Mapping[str, str]:
     """Return the facts of a recording that are known before its first byte.
 
+    Where no source is to be named, it is not said either when the recording was written.
     ``known`` are those of the recording that is read: its rates and latencies are handed on.
     """
     facts = {
         "tool": f"{TOOL} {__version__}",
-        "source": source,
+        "source": NOBODY if source is None else source,
         "protocol": options.name,
     }
-    if source != NOBODY:
+    if source is not None:
         facts["written"] = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     known = known or {}
     told = {k: v for k, v in known.items() if k.startswith(("baud.", "latency_ns."))}

@@ -71,8 +71,11 @@ class Source(abc.ABC):
         """Bytes of its files; None where it has none."""
         return None
 
-    def origin(self, path: str) -> str:
-        """Return what a recording of it is to name as its source: the path it was opened by."""
+    def origin(self, path: str) -> str | None:
+        """Return what a recording of it is to name as its source: the path it was opened by.
+
+        None: it is to name nobody, and no day.
+        """
         return path
 
     def describe(self) -> str:
