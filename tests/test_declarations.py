@@ -16,6 +16,7 @@ from construct import (
     Checksum,
     Const,
     GreedyBytes,
+    Int16ub,
     Int16ul,
     RawCopy,
     Struct,
@@ -25,6 +26,7 @@ from construct import (
 
 from sniffer.decoding.detect import detect
 from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8
+from sniffer.ground.crc import Crc16
 from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.packets import ANY, BY_CODE, MUST, AllBut, Command, Member, Packet, Seal
@@ -168,6 +170,22 @@ ONLY: Final = Struct("data" / GreedyBytes)
                 )
             },
             "sum stands not right behind the fields it covers: its checksum needs over",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Byte, Crc16(0x1021), "params"))},
+            "sum is held by 1 byte, and its checksum has 2: Byte holds one, Int16ul and Int16ub",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Int16ub, SUM8, "params"))},
+            "sum is held by 2 bytes, and its checksum has 1",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Bytes(2), SUM8, "params"))},
+            "sum is held by Byte, Int16ul or Int16ub, not by <Bytes>",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Int16ub, OneSum(), "params"))},
+            "sum is high byte first: its checksum needs over",
         ),
         (
             {"feedback": Struct("code" / Const(b"\x01"), "error" / Byte, "data" / GreedyBytes)},
