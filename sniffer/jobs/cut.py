@@ -75,7 +75,7 @@ def cut(
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     with (
-        undecided_of(name_of(str(source))),
+        undecided_of(name_of(str(source)), leads=True),
         open_source(source, input_format, again=True, wiring=options.wired) as opened,
     ):
         derived, options = part_of(opened, str(source), window, options, tell)
