@@ -22,11 +22,13 @@ from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
 from sniffer.protocols.packets import survey
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.direction import in_turn
+from sniffer.protocols.packets.listed import listed
 from sniffer.protocols.rs30x import block as rs30x_block
 from sniffer.protocols.wck import block as wck
 from sniffer.protocols.wck import controller
 from tests.examples import agree, check, held, shown, tables
 from tests.streams import mightyzap, rs30x
+from tests.streams.members import example, packet, status
 from tests.streams.wck import command, rbc
 
 if TYPE_CHECKING:
@@ -232,6 +234,14 @@ def test_a_value_that_no_mode_explains_ends_the_mode_of_its_servo() -> None:
     data += position(1, 3000) + position(1, 1000)
     names = ("mine", "servo", "raw", "k", "column", "over", "seen")
     check(Scaling._apply_modes, decoded("mightyzap", data), *names)
+
+
+def test_answers_of_those_whom_a_read_lists_meet_their_own_servo() -> None:
+    ask = packet("dynamixel2", 254, 0x82, b"\x84\x00\x04\x00\x01\x02\x03")
+    said = [(2, bytes(4)), (1, bytes(4)), (5, bytes(4)), (3, bytes(2))]
+    data = ask + b"".join(status("dynamixel2", who, 0, brought) for who, brought in said)
+    names = ("servo_id", "asked", "length", "first", "last", "at", "right", "left", "address")
+    check(listed, lambda: Decoder(example("dynamixel2").PROTOCOL).feed(Chunk(data)), *names)
 
 
 def test_torn_bytes_where_an_answer_should_stand() -> None:
