@@ -86,6 +86,44 @@ def test_a_declaration_of_another_form_is_refused_with_what_to_write(
         Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
 
 
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {
+                "answer_header": b"\xff\xff\xfd\x01",
+                "feedback": Struct("data" / GreedyBytes),
+                "stuffing": None,
+                "commands": {1: Command("ping", Struct(Terminated), MUST)},
+            },
+            "answer_header wants .* as the packet's first field",
+        ),
+        ({"answer_code": lambda code: code ^ 0x80}, "leave the constant out"),
+        (
+            {"answer_code": lambda code: code ^ 0x40, "feedback": Struct("data" / GreedyBytes)},
+            "stuffing goes with answers of code, error and data only",
+        ),
+        (
+            {
+                "answer_code": lambda code: code ^ 0x40,
+                "feedback": Struct("data" / GreedyBytes),
+                "stuffing": None,
+            },
+            "together goes with answers of code, error and data only",
+        ),
+        (
+            {"answer_code": lambda code: code ^ 0x80, "echoes": True},
+            "echoes says that only the count tells an answer: leave out answer_code",
+        ),
+    ],
+)
+def test_forms_that_exclude_each_other_are_refused_with_what_to_leave_out(
+    changes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(TypeError, match=told):
+        Member(dataclasses.replace(example("dynamixel2").FAMILY, **changes))
+
+
 def sealed(*fields: Any) -> Any:
     """Return a packet whose check stands at its front."""
     check = "checksum" / Seal(Byte, COMPLEMENT_SUM, "servo_id", "length", "code", "params")
