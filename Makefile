@@ -17,8 +17,8 @@ PROTOC_PYTHON ?= $(PYTHON)
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 # What decodes, with few processes and ports; and the part of it that is done in a minute.
-CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, alarms amounts asking batches \
-	capture_edges cli_jsonl cli_known cli_text conformance_kit cut cutting damage_columns \
+CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, alarms amounts asking batches by_hand \
+	capture_edges cli_jsonl cli_known cli_text conformance_kit crcs cut cutting damage_columns \
 	declarations detect diagnostics echo edges examples_protocols golden laws limits lines lss \
 	lss_models lss_values malformed matching mixed mixed_wires models models_laws pacing \
 	packet_forms parts pipelined plugins rates registers remarks rs30x rs30x_acks rs30x_values \

@@ -16,6 +16,7 @@ from construct import (
     Checksum,
     Const,
     GreedyBytes,
+    Int16ub,
     Int16ul,
     RawCopy,
     Struct,
@@ -25,6 +26,7 @@ from construct import (
 
 from sniffer.decoding.detect import detect
 from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8
+from sniffer.ground.crc import Crc16
 from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.packets import ANY, BY_CODE, MUST, AllBut, Command, Member, Packet, Seal
@@ -82,6 +84,44 @@ def test_a_declaration_of_another_form_is_refused_with_what_to_write(
 ) -> None:
     with pytest.raises(TypeError, match=told):
         Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {
+                "answer_header": b"\xff\xff\xfd\x01",
+                "feedback": Struct("data" / GreedyBytes),
+                "stuffing": None,
+                "commands": {1: Command("ping", Struct(Terminated), MUST)},
+            },
+            "answer_header wants .* as the packet's first field",
+        ),
+        ({"answer_code": lambda code: code ^ 0x80}, "leave the constant out"),
+        (
+            {"answer_code": lambda code: code ^ 0x40, "feedback": Struct("data" / GreedyBytes)},
+            "stuffing goes with answers of code, error and data only",
+        ),
+        (
+            {
+                "answer_code": lambda code: code ^ 0x40,
+                "feedback": Struct("data" / GreedyBytes),
+                "stuffing": None,
+            },
+            "together goes with answers of code, error and data only",
+        ),
+        (
+            {"answer_code": lambda code: code ^ 0x80, "echoes": True},
+            "echoes says that only the count tells an answer: leave out answer_code",
+        ),
+    ],
+)
+def test_forms_that_exclude_each_other_are_refused_with_what_to_leave_out(
+    changes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(TypeError, match=told):
+        Member(dataclasses.replace(example("dynamixel2").FAMILY, **changes))
 
 
 def sealed(*fields: Any) -> Any:
@@ -168,6 +208,22 @@ ONLY: Final = Struct("data" / GreedyBytes)
                 )
             },
             "sum stands not right behind the fields it covers: its checksum needs over",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Byte, Crc16(0x1021), "params"))},
+            "sum is held by 1 byte, and its checksum has 2: Byte holds one, Int16ul and Int16ub",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Int16ub, SUM8, "params"))},
+            "sum is held by 2 bytes, and its checksum has 1",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Bytes(2), SUM8, "params"))},
+            "sum is held by Byte, Int16ul or Int16ub, not by <Bytes>",
+        ),
+        (
+            {"packet": sealed(ID, LENGTH, CODE, REST, "sum" / Seal(Int16ub, OneSum(), "params"))},
+            "sum is high byte first: its checksum needs over",
         ),
         (
             {"feedback": Struct("code" / Const(b"\x01"), "error" / Byte, "data" / GreedyBytes)},

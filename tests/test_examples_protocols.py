@@ -274,6 +274,23 @@ def test_one_packet_that_answers_for_all_gives_each_servo_its_values() -> None:
     ]
 
 
+@pytest.mark.parametrize("cut", [0, 1, 4])
+@pytest.mark.parametrize("who", [254, 3])
+def test_the_oracle_reads_one_packet_that_answers_for_all_as_the_columns_do(
+    who: int, cut: int
+) -> None:
+    ask = packet("dynamixel2", 254, 0x8A, b"\x84\x00\x04\x00\x03\x07\x04")
+    data = [(3, b"\xa6\x00\x00\x00"), (7, b"\x1f\x08\x00\x00"), (4, b"\xff\x03\x00\x00"[cut:])]
+    whole = joint([(servo, 0, x) for servo, x in data])
+    # who answers for all has the id of all; a servo's own, or a byte too few, answers nobody
+    answer = packet("dynamixel2", who, 0x55, whole[8:-2], stuffed=False)
+    chunks, p = [Chunk(ask + answer)], protocol("dynamixel2")
+    got, want = records(batches(Decoder(p), [chunks])), Reference(p).decode(chunks)
+    assert (got.frames, got.transactions) == (want.frames, want.transactions)
+    assert got.samples == want.samples
+    assert len(got.samples) == (3 if who == 254 and not cut else 0)
+
+
 def test_stuffing_is_not_taken_out_of_what_answers_for_all() -> None:
     ask = packet("dynamixel2", 254, 0x8A, b"\x84\x00\x04\x00\x01\x02")
     answer = joint([(1, 0, b"\xff\xff\xfd\xfd"), (2, 0, b"\x01\x00\x00\x00")])

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.drawing import draw_gap
 from sniffer.decoding.reference import Reference
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.model import Chunk
@@ -83,6 +84,23 @@ def test_a_packet_without_a_length_is_as_long_as_all_others() -> None:
     )
     (gap,) = FORMS["ubtech"].explain(ask[:-1] + b"\xee", 0)
     assert (gap.reason, gap.length) == ("damaged", 10)
+
+
+def test_a_crc_with_its_high_byte_first_holds_and_a_damaged_one_is_told_as_it_stands() -> None:
+    # CubeMars AK Series Module Driver Manual 1.0.18, serial examples: position 180 and 90 degrees
+    far, near = bytes.fromhex("0205090ABA95001EF703"), bytes.fromhex("020509055D4A807B2903")
+    (batch, _) = heard("vesc", far + near)
+    assert batch.frames.length.tolist() == [10, 10]
+    (gap,) = FORMS["vesc"].explain(far[:-2] + b"\xf6\x03", 0)
+    assert (gap.detail["checksum_expected"], gap.detail["checksum_got"]) == (0x1EF7, 0x1EF6)
+
+
+def test_a_damaged_packet_is_drawn_field_by_field_wherever_its_check_stands() -> None:
+    for name, talk in (("vesc", "0205090ABA95001EF603"), ("ubtech", "FAAF0501786400 00E1ED")):
+        batch = next(b for b in heard(name, bytes.fromhex(talk)) if len(b.gaps))
+        drawn = draw_gap(batch, FORMS[name], batch.gaps[0])
+        assert drawn.wrong == {"vesc": "crc", "ubtech": "checksum"}[name]
+        assert sum(span.length for span in drawn.spans) == 10
 
 
 def test_an_answer_may_have_its_error_behind_the_data_and_a_space_of_its_own() -> None:

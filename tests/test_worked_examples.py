@@ -12,6 +12,7 @@ import pytest
 from sniffer import Chunk, Decoder
 from sniffer.decoding import echo, matching, torn
 from sniffer.decoding.pairing import Pairing
+from sniffer.decoding.values import Scaling
 from sniffer.ground.framing import Block, greedy, in_order, settle
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import Stamps
@@ -21,11 +22,13 @@ from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
 from sniffer.protocols.packets import survey
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.direction import in_turn
+from sniffer.protocols.packets.listed import listed
 from sniffer.protocols.rs30x import block as rs30x_block
 from sniffer.protocols.wck import block as wck
 from sniffer.protocols.wck import controller
 from tests.examples import agree, check, held, shown, tables
 from tests.streams import mightyzap, rs30x
+from tests.streams.members import example, packet, status
 from tests.streams.wck import command, rbc
 
 if TYPE_CHECKING:
@@ -216,6 +219,29 @@ def test_a_torn_packet_and_a_wrong_one_are_judged_each_by_its_header() -> None:
     decoder.feed(Chunk(SERVO_READS[0] + wrong + SERVO_READS[1][:5] + SERVO_READS[2] + ANSWERS[2]))
     names = ("at", "stop", "onward", "cut", "until", "expected", "got")
     check(survey.survey, decoder.close, *names)
+
+
+def test_a_value_that_no_mode_explains_ends_the_mode_of_its_servo() -> None:
+    def exchange(servo_id: int, address: int, answer: bytes) -> bytes:
+        ask = mightyzap.packet(servo_id, 0xF2, bytes([address, len(answer)]))
+        return ask + mightyzap.packet(servo_id, 0, answer)
+
+    def position(servo_id: int, raw: int) -> bytes:
+        return exchange(servo_id, 0x8C, raw.to_bytes(2, "little"))
+
+    mode = exchange(1, 0x16, b"\x02")
+    data = position(1, 2040) + mode + position(1, 2040) + position(2, 1000)
+    data += position(1, 3000) + position(1, 1000)
+    names = ("mine", "servo", "raw", "k", "column", "over", "seen")
+    check(Scaling._apply_modes, decoded("mightyzap", data), *names)
+
+
+def test_answers_of_those_whom_a_read_lists_meet_their_own_servo() -> None:
+    ask = packet("dynamixel2", 254, 0x82, b"\x84\x00\x04\x00\x01\x02\x03")
+    said = [(2, bytes(4)), (1, bytes(4)), (5, bytes(4)), (3, bytes(2))]
+    data = ask + b"".join(status("dynamixel2", who, 0, brought) for who, brought in said)
+    names = ("servo_id", "asked", "length", "first", "last", "at", "right", "left", "address")
+    check(listed, lambda: Decoder(example("dynamixel2").PROTOCOL).feed(Chunk(data)), *names)
 
 
 def test_torn_bytes_where_an_answer_should_stand() -> None:

@@ -24,7 +24,7 @@ from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
-from sniffer.jobs.session import bytes_of
+from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.places import Window
@@ -117,7 +117,7 @@ def convert(
         raise click.UsageError("--topics is about a recording: name an .mcap")
     if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
-    with patient() as patience, bytes_of(name_of(file)):
+    with patient() as patience, undecided_of(name_of(file)):
         done = made(
             file,
             outputs,

@@ -22,7 +22,7 @@ from sniffer.cli.statuses import status_of
 from sniffer.decoding.options import Options
 from sniffer.ground.needs import need_rerun
 from sniffer.jobs.convert import convert
-from sniffer.jobs.session import bytes_of
+from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.jobs.view import view as shown
 from sniffer.selection.places import Window
@@ -82,7 +82,7 @@ def view(
     if port is not None and not web:
         raise click.UsageError("--web-port goes with --web")
     need_rerun()
-    with patient() as patience, bytes_of(name_of(files)):
+    with patient() as patience, undecided_of(name_of(files)):
         if output is None:
             done = shown(
                 files,

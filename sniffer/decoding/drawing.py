@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.ground.model import Gap
+    from sniffer.ground.wire import Order
 
-SUM_BYTES: Final = (1, 2)
-"""Sizes of checksums, in bytes: no protocol here has another (CRC-16 is the longest)."""
+SUM_FORMS: Final[tuple[tuple[int, Order], ...]] = ((1, "little"), (2, "little"), (2, "big"))
+"""Bytes of checksums, and which is the first: no protocol has another (CRC-16 is the longest)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,40 +95,49 @@ def draw_frame(batch: Batch, protocol: BusProtocol, i: int) -> Drawn:
 def draw_gap(batch: Batch, protocol: BusProtocol, gap: Gap) -> Drawn:
     """Draw bytes of a batch that are no frame; where only the checksum is wrong, field by field."""
     raw = batch.data[gap.start : gap.start + gap.length]
-    meant = _meant(raw, protocol, gap)
+    spans, wrong = _meant(raw, protocol, gap)
     return Drawn(
         batch.base + gap.start,
         raw,
         gap.t_ns,
         f"no frame: {gap.reason.replace('_', ' ')}",
         holds=False,
-        spans=meant.spans if meant is not None else (),
+        spans=spans,
         known=gap.detail,
-        wrong=meant.spans[-1].name if meant is not None and meant.spans else "",
+        wrong=wrong,
     )
 
 
-def _meant(raw: bytes, protocol: BusProtocol, gap: Gap) -> Drawn | None:
-    """Return the frame that the bytes are with the checksum that they should have, if there is one.
+def _meant(raw: bytes, protocol: BusProtocol, gap: Gap) -> tuple[tuple[FieldSpan, ...], str]:
+    """Return the fields that the bytes have, and which of them is the checksum that does not hold.
 
-    A wrong checksum says that a byte is wrong, not which: the fields are those that stand there.
+    They are those of the frame that the bytes are with the checksum that they should have. A wrong
+    one says that a byte is wrong, not which: the fields are those that stand there. Where the
+    checksum stands is tried: wherever the bytes are the one that was sent.
     """
-    expected = gap.detail.get("checksum_expected")
-    if not isinstance(expected, int):
-        return None
-    for size in SUM_BYTES:
-        if size >= len(raw) or expected >> 8 * size:
+    right, sent = gap.detail.get("checksum_expected"), gap.detail.get("checksum_got")
+    if not (isinstance(right, int) and isinstance(sent, int)):
+        return (), ""
+    for size, order in SUM_FORMS:
+        if max(right, sent) >> 8 * size:
             continue
-        right = raw[:-size] + expected.to_bytes(size, "little")
-        decoder = Decoder(protocol)
-        for batch in (decoder.feed(Chunk(right)), decoder.close()):
-            if len(batch.frames) == 1 and int(batch.frames.length[0]) == len(raw):
-                return draw_frame(batch, protocol, 0)
-    return None
+        expected, got = right.to_bytes(size, order), sent.to_bytes(size, order)
+        at = raw.rfind(got)
+        while at >= 0:
+            decoder = Decoder(protocol)
+            meant = raw[:at] + expected + raw[at + size :]
+            for batch in (decoder.feed(Chunk(meant)), decoder.close()):
+                if batch.frames.length.tolist() == [len(raw)]:
+                    spans = draw_frame(batch, protocol, 0).spans
+                    return spans, next((s.name for s in spans if s.offset == at), "")
+            at = raw.rfind(got, 0, at + size - 1)
+    return (), ""
 
 
 def _told(detail: Mapping[str, Any]) -> Iterator[str]:
     """Yield what is known of bytes that are no frame, a line each."""
+    sums = [v for k, v in detail.items() if k.startswith("checksum") and isinstance(v, int)]
+    digits = 4 if max(sums, default=0) > 0xFF else 2
     for key, value in detail.items():
         title = key.replace("_", " ")
         if isinstance(value, Mapping):
@@ -135,7 +145,7 @@ def _told(detail: Mapping[str, Any]) -> Iterator[str]:
             for name, entry in value.items():
                 yield f"    {name.replace('_', ' ')}: {in_words(entry)}"
         elif key.startswith("checksum") and isinstance(value, int):
-            yield f"  {title}: {value:02X}"
+            yield f"  {title}: {value:0{digits}X}"
         else:
             yield f"  {title}: {in_words(value)}"
 

@@ -247,16 +247,16 @@ class Scaling(Remembering):
         # servo. Servo 1 is heard, its mode is read as 2, then it is heard with a value that mode 2
         # forbids:
         #
-        #     v.row        1     3    5     7     9     11
-        #     servo        1     1    1     2     1     1
-        #     raw          2040  2    2040  1000  3000  1000
-        #     mine (in v)  0     -    2     3     4     5      row 3 is the mode itself
-        #     stretch      |------||-------------------|    ``at`` of its event is 2, behind it
-        #     column       256   -    2     256   2     2      256 is UNSEEN
-        #     over                    0     0     1     0      3000 is above ``_limit`` of mode 2
-        #     column then  256   -    2     256   256   256
-        #     value        14.95 2    29.90 7.33  21.98 7.33   mm
-        #     provenance   0     0    2     0     0     0      only one is OBSERVED
+        #     mine     0      2      3      4      5       row 1 of v is the mode itself
+        #     servo    1      1      2      1      1
+        #     raw      2040   2040   1000   3000   1000
+        #     k        0                                   before the event, whose ``at`` is 2
+        #     k        1  2  3  4                          behind it
+        #     column   256    2      256    2      2       256 is UNSEEN
+        #     over     0  0  1  0                          3000 is above ``limit`` of mode 2
+        #     column   256    2      256    256    256     what holds: see below
+        #     seen     0      1      0      0      0       only one is OBSERVED
+        #     value    14.95  29.90  7.33   21.98  7.33    mm
         #
         # What holds: behind a misfit its servo has no mode until an event sets one, here and in
         # ``state``; so ``over`` drops all of that servo, and the loop runs at most once a servo.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import operator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
 import numpy as np
 
@@ -26,8 +26,9 @@ look for the edges of one costs as much as some eight bytes do."""
 class Sum(Protocol):
     """A checksum as grammars, framing and explanations use it.
 
-    One that may stand elsewhere than right behind what it covers has ``over(block, spans)``, too:
-    the checksums of what the stretches ``block[first:last]`` of each packet are, put together.
+    One that may stand elsewhere than right behind what it covers, or with its high byte first, has
+    ``over(block, spans)``, too: the checksums of what the stretches ``block[first:last]`` of each
+    packet are, put together. One that says its ``width`` in bytes is refused in another field.
     """
 
     @property
@@ -50,6 +51,8 @@ class Checksum:
 
     ``plain`` folds the few bytes of one frame: numpy takes longer to start than that takes.
     """
+
+    width: ClassVar[int] = 1
 
     formula: str
     plain: Callable[[bytes], int]

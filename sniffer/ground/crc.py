@@ -1,4 +1,4 @@
-"""CRC-16 of frames of any length, for one frame and for all frames of a block at once.
+"""CRCs of frames of any length, for one frame and for all frames of a block at once.
 
 Two ways in columns, with the same result:
 
@@ -8,11 +8,17 @@ Two ways in columns, with the same result:
 - *By prefixes*: the CRC of the block up to each byte, a table look-up a byte however candidates
   overlap. A CRC with seed 0 is linear, so that of ``a..b`` is prefix(b) XOR prefix(a) with b - a
   zero bytes appended.
+
+Both run in 16 bits, the high bit first, from zero. Every other kind is one of these, dressed::
+
+    seed         the seed with as many zero bytes appended as there are, XORed: linear, as above
+    reflected    each byte turned round before, the result after
+    eight bits   the polynomial in the high byte: the low one stays zero
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,41 +37,80 @@ OVERLAP: Final = 2
 """By steps while candidates sum up to this many times the block."""
 
 
-class Crc16:
-    """A CRC of 16 bits: high bit first, seed 0, sent low byte first; see ``checksums.Sum``."""
+TURNED: Final[U8] = np.packbits(
+    np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1)[:, ::-1], axis=1
+).ravel()
+"""Each byte with its bits the other way round."""
 
-    def __init__(self, polynomial: int) -> None:
-        self.formula = f"CRC-16 (polynomial {polynomial:04X}, seed 0, low byte first)"
+
+class Crc16:
+    """A CRC of 16 bits; see ``checksums.Sum``. Which byte of it comes first, its field says.
+
+    Args:
+        polynomial: without its highest bit, as manuals print it: 0x1021, 0x8005.
+        seed: what it begins with: 0, or FFFF as Modbus has it; the high bit first, always.
+        reflected: the low bit of each byte comes first, also in the result.
+        out: what the result is XORed with.
+    """
+
+    bits: ClassVar[int] = 16
+
+    def __init__(
+        self, polynomial: int, seed: int = 0, *, reflected: bool = False, out: int = 0
+    ) -> None:
+        digits = self.bits // 4
+        kind = f"polynomial {polynomial:0{digits}X}, seed {seed:X}"
+        kind += ", reflected" * reflected + (f", XOR {out:X}" if out else "")
+        self.formula = f"CRC-{self.bits} ({kind})"
+        self._is_reflected, self._out = reflected, out
+        self._shift = 16 - self.bits
+        self._seed = seed << self._shift
         table: U16 = (np.arange(256) << 8).astype(np.uint16)
         for _ in range(8):
             high = table & 0x8000 > 0
-            table = (table << np.uint16(1)) ^ (high * np.uint16(polynomial)).astype(np.uint16)
+            table = (table << np.uint16(1)) ^ (high * np.uint16(polynomial << self._shift)).astype(
+                np.uint16
+            )
         self._table: U16 = table
         self._plain: list[int] = table.tolist()
         # What appending 2**k zero bytes makes of a CRC, by its high and by its low byte.
         self._zeros = [(table, np.arange(256, dtype=np.uint16) << 8)]
 
+    @property
+    def width(self) -> int:
+        """Bytes of it."""
+        return self.bits // 8
+
     def __call__(self, data: bytes) -> int:
         """Return the CRC of ``data``."""
-        crc = 0
-        for byte in data:
+        crc = self._seed
+        for byte in data.translate(TURNED.tobytes()) if self._is_reflected else data:
             crc = (crc << 8 & 0xFFFF) ^ self._plain[crc >> 8 ^ byte]
-        return crc
+        return (_turned(crc) if self._is_reflected else crc >> self._shift) ^ self._out
 
     def good(self, block: U8, first: I64, at: I64) -> Mask:
-        """Tell where the CRC of ``block[first:at]`` stands at ``at``, low byte first."""
+        """Tell where the CRC of ``block[first:at]`` stands at ``at``, the low byte first."""
         if not len(first):
             return np.zeros(0, bool)
-        want = self._of(block, first, at)
-        got = block[at].astype(np.uint16) | block[at + 1].astype(np.uint16) << 8
-        return np.asarray(want == got)
+        got = block[at].astype(np.uint16)
+        if self.width > 1:
+            got |= block[at + 1].astype(np.uint16) << 8
+        return np.asarray(self.over(block, [(first, at)]) == got)
 
     def over(self, block: U8, spans: Sequence[tuple[I64, I64]]) -> U16:
         """Return the CRCs of packets, each of the stretches ``block[first:last]`` in order."""
-        out = np.zeros(len(spans[0][0]), np.uint16)
-        for first, last in spans if len(out) else ():
-            out = self._appended(out, last - first) ^ self._of(block, first, last)
-        return out
+        if self._is_reflected:
+            block = TURNED[block]
+        out = np.full(len(spans[0][0]), self._seed, np.uint16)
+        for k, (first, last) in enumerate(spans if len(out) else ()):
+            mine = self._of(block, first, last)
+            # Nothing was there before the first one, and zeros behind nothing are nothing.
+            out = mine ^ self._appended(out, last - first) if k or self._seed else mine
+        if self._is_reflected:
+            out = TURNED[out >> 8].astype(np.uint16) | TURNED[out & 0xFF].astype(np.uint16) << 8
+        else:
+            out >>= np.uint16(self._shift)
+        return out ^ np.uint16(self._out)
 
     def _of(self, block: U8, first: I64, at: I64) -> U16:
         """Return the CRCs of ``block[first:at]``."""
@@ -127,3 +172,14 @@ class Crc16:
             crc = np.where(zeros >> k & 1, high[crc >> 8] ^ low[crc & 255], crc)
             k += 1
         return crc
+
+
+class Crc8(Crc16):
+    """A CRC of 8 bits: 0x07 of many, 0x31 reflected as Maxim has it."""
+
+    bits: ClassVar[int] = 8
+
+
+def _turned(number: int) -> int:
+    """Return 16 bits the other way round."""
+    return int(TURNED[number >> 8]) | int(TURNED[number & 0xFF]) << 8

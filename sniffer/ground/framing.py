@@ -131,8 +131,9 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     none = np.empty(0, np.int64)
     if m <= 0:
         return none, none, none
-    mask = data[:m] == head[0]
-    same = data == head[0]
+    # Without a header every byte may begin a packet: then the guards are all that tells.
+    same = data == head[0] if head else np.ones(n, bool)
+    mask = same[:m]
     # A byte that occurs twice in the header is compared once: FF FF FF costs one comparison.
     for k in range(1, len(head)):
         other = same if head[k] == head[0] else data == head[k]

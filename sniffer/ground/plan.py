@@ -9,95 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import construct as c
 import numpy as np
 
-from sniffer.ground.wire import ByCode, Seal
+from sniffer.ground.sealed import Edge, Sealed, Stretch
+from sniffer.ground.wire import ByCode, Order, Seal, order_of
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
     from sniffer.ground.model import I64, U8, Mask
 
 Expression = Callable[[Any], Any]
-
-
-class Edge(NamedTuple):
-    """A place in a packet: so many bytes behind its first one or, ``last``, before its end."""
-
-    bytes: int
-    last: bool = False
-
-    def of(self, start: Any, end: Any) -> Any:
-        """Return the offset, for one packet or for many."""
-        return end - self.bytes if self.last else start + self.bytes
-
-
-Stretch = tuple[Edge, Edge]
-
-
-@dataclass(frozen=True, slots=True)
-class Sealed:
-    """A check that stands where its grammar says, over stretches of the packet, in order."""
-
-    name: str
-    checksum: Any  # a Sum; one with ``over`` where it stands not right behind one stretch
-    at: Stretch
-    over: tuple[Stretch, ...]
-    some: bool = False  # not there where it covers nothing
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether it stands right behind the one stretch that it covers."""
-        return len(self.over) == 1 and self.over[0][1] == self.at[0]
-
-    def good(self, data: U8, start: I64, end: I64) -> Mask:
-        """Tell for which packets it holds."""
-        at = self.at[0].of(start, end)
-        spans = [(first.of(start, end), last.of(start, end)) for first, last in self.over]
-        if self.some:  # a packet that ends where the covered field begins has it not
-            there = np.flatnonzero(at > spans[0][0])
-            out = np.ones(len(start), bool)
-            out[there] = self.checksum.good(data, spans[0][0][there], at[there])
-            return out
-        if self.is_behind:
-            return np.asarray(self.checksum.good(data, spans[0][0], at))
-        want, sent = self.numbers(data, start, end)
-        return np.asarray(want == sent)
-
-    def numbers(self, data: U8, start: I64, end: I64) -> tuple[I64, I64]:
-        """Return what it should be in packets that have it, and what was sent."""
-        spans = [(first.of(start, end), last.of(start, end)) for first, last in self.over]
-        at = self.at[0].of(start, end)
-        sent = sum(data[at + k].astype(np.int64) << 8 * k for k in range(self.width))
-        if hasattr(self.checksum, "over"):
-            return self.checksum.over(data, spans).astype(np.int64), np.asarray(sent)
-        packets = (data[a:b].tobytes() for a, b in zip(start.tolist(), end.tolist(), strict=True))
-        want = [self.checksum(self.covered(packet)) for packet in packets]
-        return np.array(want, np.int64), np.asarray(sent)
-
-    @property
-    def width(self) -> int:
-        """Bytes of it."""
-        first, last = (edge.of(0, 0) for edge in self.at)
-        return int(last - first)
-
-    def stands_in(self, raw: bytes) -> bool:
-        """Tell whether one packet has it."""
-        return not self.some or len(raw) > self.over[0][0].bytes
-
-    def covered(self, raw: bytes) -> bytes:
-        """Return the bytes of one packet that it covers."""
-        n = len(raw)
-        spans = [raw[first.of(0, n) : last.of(0, n)] for first, last in self.over]
-        return spans[0] if len(spans) == 1 else b"".join(spans)
-
-    def sent(self, raw: bytes) -> int:
-        """Return what stands in one packet where it is."""
-        first, last = self.at
-        raw = raw[first.of(0, len(raw)) : last.of(0, len(raw))]
-        return int.from_bytes(raw, "little")
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,6 +169,7 @@ class _PacketWalk:
         self.tail: Expression | None = None
         self.tail_name = ""
         self.checksum: Sum | None = None
+        self.order: Order = "little"
         self.tail_at = self.sum_from = -1
         self.pos = self.sum_width = 0
         self.places: dict[str, tuple[int, int, bool]] = {}  # offset, bytes, behind the tail
@@ -271,6 +196,7 @@ class _PacketWalk:
                 self.checks.append(con.func)
             case c.Checksum() if self.checksum is None:
                 self.checksum, self.sum_width = con.hashfunc, con.checksumfield.sizeof()
+                self.order = order_of(name, con.checksumfield, con.hashfunc)
                 self._take(name, self.sum_width)
             case Seal():
                 self.seals.append((name, con))
@@ -359,7 +285,8 @@ class _PacketWalk:
     def _at_the_end(self, checksum: Sum) -> Sealed:
         """Return the check of a Struct: over its RawCopy, and the last of the packet."""
         at = Edge(self.sum_width, last=True)
-        return Sealed("checksum", checksum, (at, Edge(0, last=True)), ((Edge(self.sum_from), at),))
+        over = ((Edge(self.sum_from), at),)
+        return Sealed("checksum", checksum, (at, Edge(0, last=True)), over, order=self.order)
 
     def _sealed(self, name: str, seal: Seal) -> Sealed:
         """Return a check with the stretches that its fields make."""
@@ -382,7 +309,8 @@ class _PacketWalk:
                 f"{name} is not always there: then it is the last of the packet, and covers "
                 f"{self.tail_name}, right before it, and nothing else"
             )
-        return Sealed(name, seal.checksum, self._stretch(name), tuple(over), seal.some)
+        order = order_of(name, seal.subcon, seal.checksum)
+        return Sealed(name, seal.checksum, self._stretch(name), tuple(over), seal.some, order)
 
 
 def asked_by(expression: Expression) -> set[str]:

@@ -7,7 +7,7 @@ and these may stand behind it as well as before. It is judged when all of the pa
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import construct as c
 import numpy as np
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
 
 
+Order = Literal["little", "big"]
+
+
 class Seal(c.Subconstruct):  # type: ignore[misc]  # construct has no types
     """A field that holds the checksum of other fields of its packet, which it names in order.
 
     Args:
-        field: what holds it: Byte, or Int16ul.
+        field: what holds it: Byte, or Int16ul, or Int16ub where the high byte is the first.
         checksum: one of ``sniffer.ground.checksums``, or an object like them.
         over: names of the fields that it covers.
         some: it is the last of its packet, covers the field before it, and is only there where that
@@ -42,6 +45,23 @@ class Seal(c.Subconstruct):  # type: ignore[misc]  # construct has no types
 
     def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
         return super()._build(obj, stream, context, path) if self.stands(context) else None
+
+
+def order_of(name: str, field: Any, checksum: Any) -> Order:
+    """Return which byte of a checksum's field is the first.
+
+    Raises:
+        TypeError: it is no field of one or two bytes, or the checksum has not as many.
+    """
+    if not isinstance(field, c.FormatField) or field.fmtstr not in (">B", "<H", ">H"):
+        raise TypeError(f"{name} is held by Byte, Int16ul or Int16ub, not by {field!r}")
+    width = getattr(checksum, "width", field.length)
+    if width != field.length:
+        raise TypeError(
+            f"{name} is held by {field.length} byte{'s'[: field.length - 1]}, and its checksum has "
+            f"{width}: Byte holds one, Int16ul and Int16ub hold two"
+        )
+    return "big" if field.fmtstr == ">H" else "little"
 
 
 class ByCode:

@@ -44,6 +44,12 @@ def and_(words: list[str]) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)
 
 
+def sums_in_words(got: int, expected: int) -> str:
+    """Return what a checksum is and should be, both of as many digits."""
+    digits = 4 if max(got, expected) > 0xFF else 2
+    return f"{got:0{digits}X} not {expected:0{digits}X}"
+
+
 def offered(word: str, known: Iterable[str]) -> str:
     """Return what there is in place of a word that is not known, and which was probably meant."""
     names = list(known)

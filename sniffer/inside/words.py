@@ -11,7 +11,7 @@ import numpy as np
 from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import NO_RESPONSE, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Severity
-from sniffer.ground.wording import plain
+from sniffer.ground.wording import plain, sums_in_words
 from sniffer.inside.columns import GAP, NO_OUTCOME
 from sniffer.sinks.words import took_in_words, values_in_words
 
@@ -84,7 +84,8 @@ def stated(page: Page, kind: int, row: int) -> str:
         raw = batch.data[gap.start : gap.start + min(gap.length, 16)].hex(" ").upper()
         sums = ""
         if "checksum_expected" in detail:
-            sums = f"sum {detail['checksum_got']:02X} not {detail['checksum_expected']:02X}: "
+            told = sums_in_words(detail["checksum_got"], detail["checksum_expected"])
+            sums = f"sum {told}: "
         return sums + raw
     values = page.batch.values.row
     first, last = np.searchsorted(values, (row, row + 1)).tolist()

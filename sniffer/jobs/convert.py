@@ -114,7 +114,7 @@ def convert(
     if anonymise:
         opened, options = anonymous(opened, options, tell)
     # of one file who calls this says which it is, if that is wanted
-    with undecided_of(name_of(inputs)) if len(inputs) > 1 else contextlib.nullcontext():
+    with undecided_of(name_of(inputs), leads=True) if len(inputs) > 1 else contextlib.nullcontext():
         return convert_opened(
             opened,
             joined(inputs),

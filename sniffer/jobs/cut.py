@@ -76,7 +76,7 @@ def cut(
     tell = tell or Teller(lambda line: None, quiet=True)
     inputs = inputs_of(source)
     with (
-        undecided_of(name_of(inputs)),
+        undecided_of(name_of(inputs), leads=True),
         open_capture(inputs, input_format, again=True, wiring=options.wired) as opened,
     ):
         derived, options = part_of(opened, joined(inputs), window, options, tell)

@@ -219,7 +219,7 @@ class _Run:
     def open(self, stack: contextlib.ExitStack, input_format: str) -> None:
         """Open it, and find where its part begins."""
         again = self.part is not None and self.part.seeks
-        with undecided_of(self.path):
+        with undecided_of(self.path, leads=True):
             opened = stack.enter_context(
                 open_source(self.path, input_format, again=again, wiring=self.options.wired)
             )
@@ -233,7 +233,7 @@ class _Run:
     def read(self, sinks: Sequence[Sink], patience: Patience | None) -> tuple[Summary, Ending]:
         """Decode it."""
         assert self._source is not None
-        with undecided_of(self.path):
+        with undecided_of(self.path, leads=True):
             return run_source(
                 self._source,
                 self.options,

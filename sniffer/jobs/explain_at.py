@@ -18,7 +18,7 @@ from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at
 from sniffer.jobs.order import merged
-from sniffer.jobs.session import bytes_of
+from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import names_anomaly, place_in
 from sniffer.sources import open_source
@@ -80,7 +80,7 @@ def explain_at(
     told: list[str] = []
     of_byte = place.sought == "byte"
     with (
-        bytes_of(name_of(source)),
+        undecided_of(name_of(source)),
         open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened,
     ):
         options = options.with_facts(opened.facts(), opened.tables)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.asked import Extract
-from sniffer.jobs.session import bytes_of, run_source
+from sniffer.jobs.session import run_source, undecided_of
 from sniffer.statistics.collector import Collector
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def hear(
     asked = Extract.of(None, window)
     if asked is not None:
         asked = asked.sought_in(opened, options)
-    with bytes_of(name):
+    with undecided_of(name):
         summary, ending = run_source(
             opened,
             options,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import InputError
 from sniffer.jobs.asked import only_bus
-from sniffer.jobs.session import bytes_of, run_source
+from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.simulation.buses import BUSES
 from sniffer.simulation.faults import DROP, Fault
@@ -52,7 +52,7 @@ def scenario_like(
     tell = tell or Teller(lambda line: None, quiet=True)
     sink = SeenSink()
     with (
-        bytes_of(name_of(source)),
+        undecided_of(name_of(source)),
         open_source(source, input_format, again=True, wiring=options.wired) as opened,
     ):
         options = options.with_facts(opened.facts(), opened.tables)

@@ -21,7 +21,7 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts
 from sniffer.jobs.replay import peek, spoken_by, timed, usual_baud
-from sniffer.jobs.session import Ending, bytes_of, run_source
+from sniffer.jobs.session import Ending, run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.playback.controller import ControllerPlayer
 from sniffer.playback.exchanges import ExchangeSink
@@ -291,7 +291,7 @@ def _heard(stage: _Stage, others: Sequence[Sink] = ()) -> tuple[ExchangeSink, st
     """
     sink = ExchangeSink()
     every = [sink, *others]
-    with bytes_of(name_of(stage.source)):
+    with undecided_of(name_of(stage.source)):
         _, ending = run_source(
             stage.opened, stage.options, every, name=stage.source, tell=stage.tell
         )

@@ -23,7 +23,7 @@ from sniffer.jobs.asked import Extract, refuse_part_of
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts, told_part
-from sniffer.jobs.session import Ending, bytes_of, run_source
+from sniffer.jobs.session import Ending, run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
@@ -203,7 +203,7 @@ def replay(
         decoded, raw = open_all(outputs, session, [*map(str, inputs)], force=overwrite)
         copies = Copies(raw)
         try:
-            with bytes_of(name):
+            with undecided_of(name):
                 _, ending = run_source(
                     opened,
                     options,

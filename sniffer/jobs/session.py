@@ -41,21 +41,18 @@ class Ending(enum.Enum):
 
 
 @contextlib.contextmanager
-def undecided_of(name: str) -> Iterator[None]:
-    """Let the complaint that a protocol cannot be told say of which file."""
+def undecided_of(name: str, *, leads: bool = False) -> Iterator[None]:
+    """Let the complaint that a protocol cannot be told say whose bytes these are.
+
+    The name is worked into the sentence, that of the standard input is not: who typed it knows. Of
+    one file among several it ``leads``, as before any other complaint about a file.
+    """
     try:
         yield
     except UndecidedError as error:
-        told = Sentence("{name}: {told}", name=name, told=error.of("").args[0])
-        raise UndecidedError(told, likely=error.likely) from error
-
-
-@contextlib.contextmanager
-def bytes_of(name: str) -> Iterator[None]:
-    """Let the complaint that a protocol cannot be told say whose bytes these are."""
-    try:
-        yield
-    except UndecidedError as error:
+        if leads:
+            told = Sentence("{name}: {told}", name=name, told=error.of("").args[0])
+            raise UndecidedError(told, likely=error.likely) from error
         if name == STANDARD_INPUT:
             raise
         raise error.of(name) from error

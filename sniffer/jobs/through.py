@@ -40,7 +40,7 @@ def hear_part(
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
-    with undecided_of(name_of(source)):
+    with undecided_of(name_of(source), leads=True):
         return convert(
             source,
             (),

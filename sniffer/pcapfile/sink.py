@@ -25,7 +25,7 @@ from sniffer.ground.files import open_binary, writing
 from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import NS, Clock, Direction
 from sniffer.ground.timing import LATENCY_NS, byte_time_ns
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import counted, sums_in_words
 from sniffer.messages import OFFSET, TOOL
 from sniffer.pcapfile.blocks import interface, packet, section
 from sniffer.pcapfile.chunkends import ChunkEnds
@@ -291,9 +291,8 @@ def _in_words(gap: Gap) -> str:
     """Return why bytes are in no frame, as a comment."""
     told, detail = f"gap: {gap.reason}, {counted(gap.length, 'byte')} in no frame", gap.detail
     if "checksum_expected" in detail:
-        return (
-            f"{told}, checksum {detail['checksum_got']:02X} not {detail['checksum_expected']:02X}"
-        )
+        sums = sums_in_words(detail["checksum_got"], detail["checksum_expected"])
+        return f"{told}, checksum {sums}"
     if "need" in detail and "have" in detail:
         return f"{told}, {detail['have']} of {detail['need']}"
     return told

@@ -14,7 +14,7 @@ from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
-from sniffer.ground.wording import plain, short
+from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
@@ -198,7 +198,8 @@ class TextSink:
             word, style = "", "request"
         elif "checksum_expected" in detail:
             word, style = "bad checksum", "error"
-            told = [f"sum {detail['checksum_got']:02X} not {detail['checksum_expected']:02X}"]
+            sums = sums_in_words(detail["checksum_got"], detail["checksum_expected"])
+            told = [f"sum {sums}"]
         else:
             word, style = reason.replace("_", " "), "warn" if reason == "noise" else "error"
             if "expected" in detail:

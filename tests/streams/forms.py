@@ -14,13 +14,14 @@ from construct import (
     GreedyRange,
     Int16ub,
     Int16ul,
+    Int32sb,
     Struct,
     Terminated,
     this,
 )
 
 from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8, XOR8
-from sniffer.ground.crc import Crc16
+from sniffer.ground.crc import Crc8, Crc16
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.packets import (
     ANY,
@@ -256,7 +257,50 @@ SIZED: Final = member(
     answer_header=b"\xfb",
     silent=(0,),
 )
+# Motor controllers of the VESC kind (CubeMars AK in servo mode): no id, a CRC whose high byte is
+# the first, and a byte behind it.
+VESC: Final = member(
+    "vesc",
+    Packet(
+        "header" / Const(b"\x02"),
+        "length" / Byte,
+        Check((this.length >= 1) & (this.length <= 40)),
+        "code" / Byte,
+        "params" / Bytes(this.length - 1),
+        "crc" / Seal(Int16ub, Crc16(0x1021), "code", "params"),
+        Const(b"\x03"),
+    ),
+    {
+        0x04: Command("get_values", EMPTY, MUST, answer=4, at=0x20),
+        0x09: Command("set_pos", Struct("angle" / Int32sb, Terminated), NEVER, at=0x10),
+        0x0B: Command("set_detect", BYTE, NEVER),
+    },
+    ALL,
+    echoes=True,
+    sole_id=0,
+    most=40,
+)
+# A CRC of eight bits, turned round, in front of what it covers; and one of the data that begins
+# from a seed, has its high byte first, and is not there without data.
+SEEDED: Final = member(
+    "seeded",
+    Packet(
+        "header" / Const(b"\x05"),
+        "small" / Seal(Byte, Crc8(0x31, reflected=True), "servo_id", "length", "code"),
+        "servo_id" / Byte,
+        "length" / Byte,
+        Check(this.length <= 20),
+        "code" / Byte,
+        "params" / Bytes(this.length),
+        "crc" / Seal(Int16ub, Crc16(0x8005, 0xFFFF, reflected=True), "params", some=True),
+    ),
+    {0x02: Command("read", READ, MUST), 0x03: Command("write", WRITE, NEVER)},
+    Struct("code" / Const(b"\x80"), ERROR, "data" / GreedyBytes),
+    most=20,
+)
 FORMS: Final[dict[str, Any]] = {
+    "vesc": VESC,
+    "seeded": SEEDED,
     "sized": SIZED,
     "some": SOME,
     "ubtech": UBTECH,
@@ -268,13 +312,28 @@ FORMS: Final[dict[str, Any]] = {
 
 def said(name: str, code: int, params: bytes = b"", who: int = 1, *, back: bool = False) -> bytes:
     """Build a packet with the grammar."""
-    length = {"apart": len(params) // 2, "heads": len(params) + 1}.get(name, len(params))
+    more = {"apart": len(params) // 2 - len(params), "heads": 1, "vesc": 1}.get(name, 0)
+    length = len(params) + more
     body = {"servo_id": who, "length": length, "code": code, "params": params, "spare": 9}
     family = FORMS[name].family
     return bytes((family.answering if back else family.packet).build(body))
 
 
 TALK: Final[dict[str, list[bytes]]] = {
+    "vesc": [
+        said("vesc", 0x04) + said("vesc", 0x04, b"\x00\x5a\x00\x5b"),
+        said("vesc", 0x04) + said("vesc", 0x04, b"\x02\x01\x04\x40"),
+        said("vesc", 0x09, b"\x05\x5d\x4a\x80"),
+        said("vesc", 0x09, b"\x02\x01\x04"),
+        said("vesc", 0x0B, b"\x03") + said("vesc", 0x16, b"\x00\x03\xfc\x15"),
+        b"\x03",
+    ],
+    "seeded": [
+        said("seeded", 2, b"\x10\x02") + said("seeded", 0x80, b"\x00\x07\x05"),
+        said("seeded", 2, b"\x20\x04") + said("seeded", 0x80, b"\x01"),
+        said("seeded", 3, b"\x10\x05\x05"),
+        said("seeded", 3),
+    ],
     "sized": [
         said("sized", 0x30) + said("sized", 0x30, b"\x00\x5a\x00\x5b", back=True),
         said("sized", 0x30) + said("sized", 0x30, b"\x00\x5a\xfa\x01", back=True),

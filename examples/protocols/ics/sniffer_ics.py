@@ -21,11 +21,12 @@ from construct import Byte, Bytes, Check, ConstructError, Struct
 from sniffer.ground.codes import MUST, NEVER, REQUEST, RESPONSE, WHOLE
 from sniffer.ground.model import ANY_ID, NO_ALT, UNKNOWN, Frames, Gap, Spans
 from sniffer.ground.registers import RegisterMap
-from sniffer.protocols.base import FieldSpan, SlowFrame, Values, joined, no_clues
+from sniffer.protocols.base import FieldSpan, SlowFrame, Values
+from sniffer.protocols.by_hand import ByHand
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block
-    from sniffer.ground.model import I16, I64, U8, Mask
+    from sniffer.ground.model import I64, U8, Mask
     from sniffer.protocols.base import FrameView, State
 
 FIRST: Final = 0x80
@@ -222,11 +223,9 @@ def slow_values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int
 # -- the protocol: these, and words ----
 
 
-class Ics:
-    """See ``sniffer.protocols.base.BusProtocol``."""
+class Ics(ByHand):
+    """See ``sniffer.protocols.by_hand.ByHand``: what it has is not written here."""
 
-    interface = 1
-    auto = False  # one bit is no sign: it would be found in any bytes
     name = "ics"
     title = "Kondo ICS 3.5"
     bauds: tuple[int, ...] = (115200, 625000, 1250000)
@@ -234,11 +233,7 @@ class Ics:
     longest = 66
     reach = 0  # a reply is right behind its command, or it is none
     tail_ns = 1_000_000_000  # above the 600 ms that a client waits for a write of the EEPROM
-    everyone: tuple[int, ...] = ()
-    blank = b""
-    ordered = False  # a reply says whose it is
     models = MODELS
-    registers = joined(MODELS)
 
     frame = staticmethod(frame)
     describe = staticmethod(describe)
@@ -246,25 +241,6 @@ class Ics:
     slow_parse = staticmethod(slow_parse)
     slow_describe = staticmethod(slow_describe)
     slow_values = staticmethod(slow_values)
-    slow_clues = staticmethod(no_clues)
-
-    def refused(self, status: I16) -> Mask:
-        """Tell nothing: replies have no status."""
-        return np.zeros(len(status), bool)
-
-    def states_itself(self, frames: Frames) -> Mask:
-        """Tell nothing: no reply stands without its command."""
-        return np.zeros(len(frames), bool)
-
-    def slow_states_itself(self, frame: SlowFrame) -> bool:
-        """Tell the same of one."""
-        del frame
-        return False
-
-    def slow_parts(self, frame: SlowFrame) -> list[tuple[int, int, bytes]]:
-        """Return nothing: registers have no addresses here."""
-        del frame
-        return []
 
     def window_ns(self, frames: Frames) -> I64:
         """Return 5 ms, which clients wait, and 600 ms for what is about the EEPROM."""
@@ -275,19 +251,10 @@ class Ics:
         """Return the command's name."""
         return NAMES.get(op, "reply")
 
-    def status_names(self, status: int) -> tuple[str, ...]:
-        """Name nothing."""
-        del status
-        return ()
-
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return the subcommand, and bytes that are no register."""
-        out: dict[str, Any] = {}
-        if row.op in (READ, WRITE):
-            out["subcommand"] = raw[1]
-        if not row.registers and row.data_length:
-            out["data"] = raw[row.data_start : row.data_start + row.data_length].hex()
-        return out
+        about = {"subcommand": raw[1]} if row.op in (READ, WRITE) else {}
+        return about | super().fields(raw, row)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the first byte in words, then the others."""
@@ -300,18 +267,11 @@ class Ics:
             out.append(FieldSpan(row.data_start, len(rest), "data", rest.hex(" ").upper()))
         return out
 
-    def checksum_of(self, raw: bytes) -> None:
-        """Return nothing: there is none."""
-        del raw
-
     def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Say that a command was cut where one begins; what is awaited and torn; else noise."""
         edges = [i for i, byte in enumerate(run) if byte >= FIRST]
-        out = []
-        if edges[:1] != [0]:
-            stop = edges[0] if edges else len(run)
-            reason = "truncated" if awaited else "noise"
-            out.append(Gap(start, stop, reason, {"have": stop} if awaited else {}))
+        stop = edges[0] if edges else len(run)
+        out = super().explain(run[:stop], start, awaited=awaited) if stop else []
         for at, stop in itertools.pairwise([*edges, len(run)]):
             fields = {"servo_id": run[at] & 31, "op": NAMES[run[at] >> 5]}
             out.append(

@@ -85,7 +85,8 @@ def _check_packet(family: PacketFamily) -> None:
             _refuse(
                 family,
                 "the checksum needs a form for columns, too: take one of sniffer.ground.checksums, "
-                "make one as they are made, by Checksum(...), or Crc16(...) of sniffer.ground.crc",
+                "make one as they are made, by Checksum(...), or Crc16(...) or Crc8(...) of "
+                "sniffer.ground.crc",
             )
     names = ["code"] if family.sole_id is not None else ["servo_id", "code"]
     for name in names:
@@ -133,11 +134,13 @@ def planned(family: PacketFamily, *, answers: bool = False) -> Plan:
                 f"has, not {family.answer_header!r}",
             )
     for seal in plan.seals:
-        if not seal.is_behind and not hasattr(seal.checksum, "over"):
+        apart = not seal.is_behind
+        if (apart or seal.order == "big") and not hasattr(seal.checksum, "over"):
+            why = "stands not right behind the fields it covers" if apart else "is high byte first"
             _refuse(
                 family,
-                f"{seal.name} stands not right behind the fields it covers: its checksum needs "
-                "over(block, spans), too, as those of sniffer.ground.checksums have",
+                f"{seal.name} {why}: its checksum needs over(block, spans), too, as those of "
+                "sniffer.ground.checksums have",
             )
     return plan
 

@@ -144,6 +144,25 @@ def listed(
         length: data bytes, as meant.
         address: filled in.
         token: filled in.
+
+    For example a read of four bytes from servos 1, 2 and 3 (row 0). 2 answers first, then 1, then
+    5, which was not asked, and 3 with two bytes::
+
+        servo_id   254  2    1    5   3
+        asked      -1   0    0    0   0
+        length     0    4    4    4   2
+        first      0    4    4    4   4     in ``single``, where its answers begin
+        last       4    4    4    4   4     and end
+        at         2                        step 1, servo 1: the answer in row 2
+        at         1                        step 2, servo 2
+        at         4                        step 3, servo 3 ...
+        right      0                        ... which has not the four bytes that it should
+        left       1    0    0    1   0     nobody lists row 3
+        address    132  132  132  -1  -1    what is right states the bytes from 132 on
+
+    A step is a servo of each list, not an answer: lists are short, and all lists of a pass take
+    theirs together. Whatever the order of the answers, each meets its own servo; so none has to
+    be sorted, and one that is missing moves no other.
     """
     answers = np.flatnonzero((asked >= 0) & lists[asked])
     if not len(answers):
