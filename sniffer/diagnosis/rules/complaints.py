@@ -206,10 +206,10 @@ def chatty(case: Case) -> Iterator[Finding]:
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
         twin = twins(case).get(servo)
-        # a second answer may come so late that another one is being asked by then
+        # of two answers one may tear the other, or come when another one is being asked
         late = set()
         if twin is not None:
-            places = (twin.stray, twin.foreign, twin.crossed)
+            places = (twin.torn, twin.stray, twin.foreign, twin.crossed)
             late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
         more = n + sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
