@@ -10,6 +10,7 @@ from sniffer.diagnosis.signs import named_within
 from sniffer.diagnosis.uart import both, heard, sent
 from tests.conversations import robot, swinging, through_usb, without_clock
 from tests.diagnosed import verdicts
+from tests.streams import rs30x
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -108,3 +109,49 @@ def test_a_servo_of_which_nothing_was_sound_is_not_taken_for_one_of_a_like_numbe
     talk = robot("lss", 12, servos=(15, 54, 56, 88), instead=instead, goals=False)
     for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
         assert verdicts(talk.diagnosed(chunks).incidents())[:1] == [("duplicate-id", (56,))]
+
+
+def among_others(talk: Conversation, cycle: int, said: bytes, asked: bytes) -> None:
+    """Say something that nobody asked for; the next request begins over it. Who pulls low wins."""
+    talk.rest(1)
+    talk.say(heard(both(sent(said), sent(asked, begin=10 * len(said) - 25 + cycle % 5), min)))
+    talk.rest(1)
+
+
+def chatting(protocol: str, who: int = 9) -> Conversation:
+    """Let a servo speak now and then, always behind the exchanges of the same other one."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 6 and cycle % 12 == 7:
+            said = talk.tongue.answer(who, swinging(who, talk.now_s))
+            among_others(talk, cycle, said, talk.tongue.ask(servo))
+            return True
+        return False
+
+    return robot(protocol, 16, servos=SERVOS, instead=instead, goals=False)
+
+
+@pytest.mark.parametrize("protocol", NAMED)
+def test_what_is_torn_behind_one_servo_and_says_that_it_is_anothers_is_that_ones(
+    protocol: str,
+) -> None:
+    talk = chatting(protocol)
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        assert verdicts(talk.diagnosed(chunks).incidents()) == [("chatty-device", (9,))]
+
+
+def test_a_servo_that_speaks_unasked_is_known_though_its_answers_to_writes_are_bare() -> None:
+    """What answers of two kinds have in common is nothing where one is a byte without a header."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.say(rs30x.write(servo, 0x20, b"\x10\x00", flags=1))
+        talk.rest(0.3)
+        talk.say(b"\x07")
+        talk.rest(0.3)
+        if servo == 6 and cycle % 50 == 7:
+            said = talk.tongue.answer(9, swinging(9, talk.now_s))
+            among_others(talk, cycle, said, talk.tongue.ask(1))
+        return False
+
+    talk = robot("rs30x", 16, servos=SERVOS, instead=instead, goals=False)
+    assert verdicts(talk.diagnosed().incidents()) == [("chatty-device", (9,))]

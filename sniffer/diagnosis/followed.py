@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
-from sniffer.diagnosis.signs import named_within
+from sniffer.diagnosis.signs import is_anothers, named_within
 from sniffer.ground.codes import RESPONSE
 
 if TYPE_CHECKING:
@@ -58,7 +58,11 @@ class Followed(NamedTuple):
 
 def followed(case: Case) -> Followed | None:
     """Return the servo that all torn places follow; None where there is none, or more than one."""
-    return case.once(_followed)
+    found = case.once(_followed)
+    if found is None:
+        return None
+    places = (d.at for d in (*found.requests, *found.replies))
+    return None if is_anothers(case, places, found.servo_id) else found
 
 
 def _followed(case: Case) -> Followed | None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.seconds import SecondAnswer
-from sniffer.diagnosis.signs import named_by_header, named_within
+from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Clock
@@ -153,6 +153,8 @@ def _owner(case: Case) -> Owner | None:
         found.append(better)
     found.sort(key=lambda o: -o.score)
     if not found or len(found[0].traces) < LEAST:
+        return None
+    if is_anothers(case, (t.at for t in found[0].traces), found[0].servo_id):
         return None
     lead = found[0].score - (found[1].score if len(found) > 1 else 0.0)
     return found[0]._replace(lead=lead) if lead >= LEAD else None

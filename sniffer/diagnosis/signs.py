@@ -22,17 +22,24 @@ from sniffer.diagnosis.uart import BITS, LOW, received, sent
 from sniffer.protocols.base import answer_begins
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.kinds import RequestKinds
 
 SIGN: Final = 2
 """Bytes at least by which the beginning of an answer tells whose it is."""
 
+OFTEN: Final = 3
+"""Times that a request was said by somebody who meant it."""
+
 WITHIN: Final = 3
 """Bytes at least by which what stands within torn bytes tells whose it is: chance has these once in
 a hundred thousand places."""
+
+SAID: Final = 3
+"""Torn places that say whose they are, and are not taken for somebody else's."""
 
 HEAD: Final = 6
 """First bytes of an answer that may name its servo."""
@@ -52,11 +59,20 @@ def _beginnings(case: Case) -> Mapping[int, bytes]:
     answers: dict[int, list[bytes]] = {}
     for request, known in likes.known.items():
         answers.setdefault(likes.asked[request], []).extend(known)
+    # a bare byte (an ACK) names nobody
+    answers = {s: [a for a in some if len(a) > SIGN] or some for s, some in answers.items()}
     due: dict[int, list[bytes]] = {}
-    for servo, request in zip(kinds.servo_id, kinds.example, strict=True):
+    for request, servo in _often(kinds):
         if servo not in answers and (head := answer_begins(case.protocol, request)):
             due.setdefault(servo, []).append(head)
     return {servo: beginning(some) for servo, some in (*answers.items(), *due.items())}
+
+
+def _often(kinds: RequestKinds) -> Iterator[tuple[bytes, int]]:
+    """Yield requests with whom they ask: what was said but once may be torn, and hold by chance."""
+    for request, servo, n in zip(kinds.example, kinds.servo_id, kinds.n.tolist(), strict=True):
+        if n >= OFTEN:
+            yield request, servo
 
 
 def begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
@@ -90,6 +106,43 @@ def named_by_header(case: Case) -> Mapping[int, int]:
     return dict(zip(told.at.tolist(), told.servo_id.tolist(), strict=True))
 
 
+def signed(case: Case) -> Mapping[int, int]:
+    """Return the torn places that hold what one servo's answers alone begin with, by place.
+
+    Of those where its answer is awaited only where that is another's.
+    """
+    return case.once(_signed)
+
+
+def _signed(case: Case) -> Mapping[int, int]:
+    if case.protocol.ordered or not case.damages:
+        return {}
+    signs, said = _signs(case), _said(case)
+    whose: dict[bytes, set[int]] = {}
+    for servo, some in signs.items():
+        for one in some:
+            if one not in said:
+                whose.setdefault(one, set()).add(servo)
+    telling = {one: min(servos) for one, servos in whose.items() if len(servos) == 1}
+    sizes = sorted(set(map(len, telling)))
+    out = {}
+    for d in case.damages:
+        parts = (d.got[k : k + n] for n in sizes for k in range(len(d.got) - n + 1))
+        found = {telling[part] for part in parts if part in telling}
+        if d.turn == IN_REPLY:
+            found.discard(d.asked_id)
+        if len(found) == 1:
+            out[d.at] = found.pop()
+    return out
+
+
+def is_anothers(case: Case, places: Iterable[int], servo: int) -> bool:
+    """Tell whether torn places say, by offset, that they are another servo's than this one's."""
+    found = signed(case)
+    said = Counter(found[at] for at in places if at in found)
+    return any(n >= SAID and n > said[servo] for other, n in said.items() if other != servo)
+
+
 def named_within(case: Case) -> Mapping[int, int]:
     """Return the torn places that hold what an answer of a servo asked before begins with.
 
@@ -102,8 +155,7 @@ def named_within(case: Case) -> Mapping[int, int]:
 def _named_within(case: Case) -> Mapping[int, int]:
     if case.protocol.ordered or not case.damages:
         return {}
-    signs = _signs(case)
-    said = {s for q in case.ledger.exchanges.kinds.requests for s in _read_as(q[:HEAD])}
+    signs, said = _signs(case), _said(case)
     alone = {servo: [s for s in some if s not in said] for servo, some in signs.items()}
     named = {
         d.at: servo
@@ -148,14 +200,36 @@ def _within(d: Damage, signs: Mapping[int, Sequence[bytes]]) -> int:
 
 
 def _signs(case: Case) -> Mapping[int, Sequence[bytes]]:
-    """Return of each servo the bytes that its answers begin with, however they are read."""
+    """Return of each servo the bytes that its answers begin with, however they are read.
+
+    Those that stand somewhere in what answers tell are left out.
+    """
     likes, kinds = case.ledger.damages.likes, case.ledger.exchanges.kinds
-    asked = [*likes.asked.items(), *zip(kinds.example, kinds.servo_id, strict=True)]
+    asked = [*likes.asked.items(), *_often(kinds)]
     heads: dict[int, set[bytes]] = {}
     for request, servo in asked:
         head = answer_begins(case.protocol, request) or beginning(likes.known.get(request, ()))
         heads.setdefault(servo, set()).add(head[:HEAD])
-    return {s: [one for head in some for one in _read_as(head)] for s, some in heads.items()}
+    told = {
+        answer[k : k + WITHIN]
+        for known in likes.known.values()
+        for answer in known[:1]
+        for k in range(HEAD - 1, len(answer) - WITHIN + 1)
+    }
+    return {
+        servo: [one for head in some for one in _read_as(head) if not _is_told(one, told)]
+        for servo, some in heads.items()
+    }
+
+
+def _is_told(sign: bytes, told: Set[bytes]) -> bool:
+    parts = (sign[k : k + WITHIN] for k in range(len(sign) - WITHIN + 1))
+    return all(part in told for part in parts)
+
+
+def _said(case: Case) -> Set[bytes]:
+    """Return what requests are read as."""
+    return {one for q in case.ledger.exchanges.kinds.requests for one in _read_as(q[:HEAD])}
 
 
 @functools.lru_cache(maxsize=1 << 12)

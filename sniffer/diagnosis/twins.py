@@ -20,7 +20,7 @@ from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
 from sniffer.diagnosis.owners import owner
-from sniffer.diagnosis.signs import beginnings, begins_like, named_by_header
+from sniffer.diagnosis.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 
@@ -135,7 +135,9 @@ def _twins(case: Case) -> Mapping[int, Twin]:
     everything = followed(case)
     one = _behind_one(case, torn, SOME) if everything is None else -1
     if one in found:
-        found[one].crossed += [d for d in torn if _behind_whom(d) == one]
+        crossed = [d for d in torn if _behind_whom(d) == one]
+        if not is_anothers(case, (d.at for d in crossed), one):
+            found[one].crossed += crossed
     _spare(case, found)
     if everything is not None:
         _give(found, everything)
