@@ -206,3 +206,26 @@ def test_a_torn_line_that_reads_as_a_modifier_is_no_command_of_the_wrong_form() 
     talk.write(b"#3D-3Y0\r")
     talk.read(1, 0.5)
     assert "modifier-misused" in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_servo_whose_answer_another_one_tears_is_two_though_few_of_both_are_whole(
+    protocol: str,
+) -> None:
+    def twice(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2:
+            return False
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        first = talk.tongue.answer(servo, place)
+        is_whole = not cycle % 25
+        talk.say(first if is_whole else first[:-2])
+        talk.rest(0.3 if is_whole else 0.0)
+        talk.say(talk.tongue.answer(servo, 0.9 * place))
+        talk.rest(0.5)
+        return True
+
+    told = robot(protocol, 12, instead=twice).diagnosed()
+    assert "unasked-now-and-then" not in codes(told)
+    assert verdicts(told.incidents())[:1] == [("duplicate-id", (2,))]

@@ -264,3 +264,39 @@ def test_a_host_of_16_ms_is_a_finding_and_no_incident(protocol: str) -> None:
     told = talk.diagnosed(through_usb(one_wire(talk)))
     assert "coarse-stamps" in codes(told)
     assert not told.incidents(), [f.what for f in found(told)]
+
+
+def few_holes(cycles: tuple[int, ...], *, altered: bool = False) -> Conversation:
+    """Lose an answer and the beginning of the request behind it, in some cycles; or alter those."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle not in cycles or servo == 3:
+            return False
+        answer, asked = talk.tongue.answer(servo, 0.5), talk.tongue.ask(servo + 1)
+        if servo == 2:  # its request is what is left of the one behind the hole
+            talk.say(asked[:2] + b"\x55" + asked[3:] if altered else talk.tongue.ask(servo)[2:])
+        else:
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3 + len(answer) * talk.byte_ns / MS)
+            if altered:
+                talk.say(b"\x55" + answer[1:])
+            return True
+        talk.rest(0.3)
+        talk.say(answer)
+        talk.rest(0.4)
+        return True
+
+    return robot("rs30x", 20, instead=instead, goals=False)
+
+
+def test_an_answer_that_is_missing_up_to_within_the_next_request_is_lost_by_the_tap() -> None:
+    """Two such holes in ten thousand frames: the servo asked next answers, so it was asked."""
+    talk = few_holes((200, 500))
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        told = talk.diagnosed(chunks)
+        assert "answered-though-torn" in codes(told)
+        assert verdicts(told.incidents()) == [("tap-loss", ())]
+
+
+def test_answers_and_requests_that_are_altered_are_not_lost_by_the_tap() -> None:
+    assert "answered-though-torn" not in codes(few_holes((200, 500), altered=True).diagnosed())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
 from tests.streams import rs30x, wck
 
@@ -185,3 +185,30 @@ def test_lines_of_one_side_that_lack_their_first_signs_are_no_loss_of_the_tap() 
         return line[rng.randint(1, 2) :] if line.startswith(b"*") else line
 
     assert "pieces-complete" not in lines(cut)
+
+
+def with_falls(row: int, rows: int) -> Conversation:
+    """Let the idle line fall behind each exchange for two seconds of every four."""
+    rng = random.Random(4)
+
+    def behind(talk: Conversation, cycle: int) -> None:
+        del cycle
+        if talk.now_s % 4 < 2:
+            for _ in range(rows):
+                talk.rest(0.5)
+                talk.say(bytes(0xFF << rng.randrange(4) & 0xFF for _ in range(row)))
+            talk.rest(0.5)
+
+    return robot("lss", 14, rate_hz=20, behind=behind)
+
+
+def test_a_line_that_falls_for_seconds_and_is_well_between_is_stuck_though_frames_get_by() -> None:
+    talk = with_falls(20, 2)
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        told = talk.diagnosed(chunks)
+        assert "line-babbles" in codes(told)
+        assert [i.cause for i in told.incidents()] == ["line-stuck"]
+
+
+def test_a_byte_now_and_then_between_frames_is_no_line_that_falls_all_the_time() -> None:
+    assert "line-babbles" not in codes(with_falls(1, 20).diagnosed())

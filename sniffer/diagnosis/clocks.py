@@ -113,7 +113,8 @@ class _Exact(NamedTuple):
 def _exact(got: bytes, one: bytes, size: int) -> _Exact:
     # one that only lacks its first byte is no clock's doing
     common = max(alike(got, one), alike(got, one[1:]))
-    return _Exact(one, size, bits_wrong(got, one[:size]), common)
+    wrong = min(bits_wrong(got, one[:size]), bits_wrong(got, one[1:size]))
+    return _Exact(one, size, wrong, common)
 
 
 def _explains(got: bytes, one: _Exact, off: float, rise: float) -> bool:

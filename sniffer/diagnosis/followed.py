@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.signs import is_anothers, named_within
 from sniffer.ground.codes import RESPONSE
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ AHEAD: Final = 0.1
 """Part of them behind which no other's stand: in a fixed order one goes before the other."""
 
 WHOLE: Final = 3
-"""Whole second answers that say themselves whose they are."""
+"""Second answers that say themselves whose they are: whole ones, or within what is torn."""
 
 LEAST: Final = 10
 """Torn requests behind answers that must be among them: a fault of the servo asked tears none."""
@@ -57,7 +58,11 @@ class Followed(NamedTuple):
 
 def followed(case: Case) -> Followed | None:
     """Return the servo that all torn places follow; None where there is none, or more than one."""
-    return case.once(_followed)
+    found = case.once(_followed)
+    if found is None:
+        return None
+    places = (d.at for d in (*found.requests, *found.replies))
+    return None if is_anothers(case, places, found.servo_id) else found
 
 
 def _followed(case: Case) -> Followed | None:
@@ -66,13 +71,16 @@ def _followed(case: Case) -> Followed | None:
     # a request some bits of which are wrong was hit by a pulse, not by an answer
     requests = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
     requests = [d for d in requests if not d.alike]
+    places = [*requests, *(d for d in case.damages if d.turn == IN_REPLY and not d.is_answered)]
+    named = _named(case, places)
+    if named is not None and Counter(named_within(case).values())[named] >= WHOLE:
+        mine = [d for d in places if named in _answered(d, DEPTH)]
+        return _of(named, mine) if len(mine) <= case.total("ok", named) else None
     if sum(d.length > _longest(case) for d in requests) > (1 - NEARLY) * len(requests):
         return None  # what two that know nothing of this protocol say to each other
     if 2 * sum(d.got[:1] in _first_bytes(case) for d in requests) < len(requests):
         return None  # neither of two that collide began: one of them mostly is first
-    places = [*requests, *(d for d in case.damages if d.turn == IN_REPLY and not d.is_answered)]
     exchanges = max(sum(case.total("ok", s) for s in case.servos), 1)
-    named = _named(case, places)
     for depth in range(1 if named is None else DEPTH, DEPTH + 1):
         whose = _one(places, depth) if named is None else named
         if whose is None:
@@ -87,9 +95,13 @@ def _followed(case: Case) -> Followed | None:
         last, count = Counter(s for d in requests for s in _answered(d, 1)).most_common(1)[0]
         if at_least(count, len(requests), case.total("ok", last) / exchanges) > CHANCE:
             return None
-        replies = tuple(d for d in mine if d.turn == IN_REPLY)
-        return Followed(whose, tuple(crossed), replies)
+        return _of(whose, mine)
     return None
+
+
+def _of(servo: int, places: Sequence[Damage]) -> Followed:
+    replies = tuple(d for d in places if d.turn == IN_REPLY)
+    return Followed(servo, tuple(d for d in places if d.turn != IN_REPLY), replies)
 
 
 def _longest(case: Case) -> int:
@@ -106,11 +118,12 @@ def _first_bytes(case: Case) -> set[bytes]:
 
 
 def _named(case: Case, places: Sequence[Damage]) -> int | None:
-    """Return the one servo that answered twice in full now and then, before nearly all places."""
+    """Return the one servo that answered twice, as its bytes say, before nearly all places."""
+    within = Counter(named_within(case).values())
     twice = [
         s
         for s in case.servos
-        if len(case.anomalies("duplicate-response", servo_id=s)) >= WHOLE
+        if max(len(case.anomalies("duplicate-response", servo_id=s)), within[s]) >= WHOLE
         and sum(s in _answered(d, DEPTH) for d in places) >= NEARLY * len(places)
     ]
     return twice[0] if len(twice) == 1 else None

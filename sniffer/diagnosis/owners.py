@@ -23,6 +23,7 @@ import numpy as np
 
 from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.seconds import SecondAnswer
+from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Clock
@@ -70,7 +71,8 @@ class TornPlace(NamedTuple):
     """Torn bytes, or a second answer.
 
     ``servo_id`` is in whose exchange it stands, ``own_id`` whose torn answer it may simply be (-1);
-    ``named``: whose answer it says it is (-1: it does not say). ``is_little``: a stray byte, or a
+    ``named``: whose answer it says it is (-1: it does not say); ``is_within``: by bytes within what
+    is torn. ``is_little``: a stray byte, or a
     request some bits of which are wrong, is no second answer. ``asked`` is how long the request is
     in whose answer it stands.
     """
@@ -85,6 +87,7 @@ class TornPlace(NamedTuple):
     asked: int
     asked_before: tuple[RequestBefore, ...]
     named: int = -1
+    is_within: bool = False
 
     def is_elsewhere(self, servo_id: int) -> bool:
         """Tell whether it is no part of a servo's exchange, nor a few bytes at the end of it."""
@@ -117,8 +120,12 @@ class Owner(NamedTuple):
     @property
     def is_proof(self) -> bool:
         """Whether nothing but a second answer comes so: its request was answered, and then this."""
+        if len(self.traces) < PART * self.tried:
+            return False
+        if sum(t.is_within for t in self.elsewhere) >= LEAST:
+            return True
         n = sum(not t.is_little for t in self.elsewhere)
-        sure = self.lead >= SURE * len(self.traces) and len(self.traces) >= PART * self.tried
+        sure = self.lead >= SURE * len(self.traces)
         return sure and n >= max(SOME, NEARLY * len(self.traces))
 
 
@@ -147,6 +154,8 @@ def _owner(case: Case) -> Owner | None:
     found.sort(key=lambda o: -o.score)
     if not found or len(found[0].traces) < LEAST:
         return None
+    if is_anothers(case, (t.at for t in found[0].traces), found[0].servo_id):
+        return None
     lead = found[0].score - (found[1].score if len(found) > 1 else 0.0)
     return found[0]._replace(lead=lead) if lead >= LEAD else None
 
@@ -154,6 +163,9 @@ def _owner(case: Case) -> Owner | None:
 def _traces(case: Case) -> Sequence[TornPlace]:
     """Return places whose time is known: torn ones, and second answers."""
     places = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
+    within, headed = named_within(case), named_by_header(case)
+    # what names the servo asked, and stands before its whole answer, is one of two answers of it
+    first = {d.at: d.servo_id for d in places if d.is_answered and headed.get(d.at) == d.servo_id}
     behind = [d for d in places if _is_behind(d)]
     torn = [
         TornPlace(
@@ -166,6 +178,8 @@ def _traces(case: Case) -> Sequence[TornPlace]:
             d.turn in STRAYS or (d.turn == IN_REQUEST and bool(d.alike)),
             len(d.asked),
             d.asked_before,
+            within.get(d.at, first.get(d.at, -1)),
+            d.at in within,
         )
         for d in places
         if not _is_behind(d)

@@ -20,7 +20,7 @@ from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
 from sniffer.diagnosis.owners import owner
-from sniffer.diagnosis.signs import beginnings, begins_like
+from sniffer.diagnosis.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
 
@@ -113,7 +113,7 @@ def _twins(case: Case) -> Mapping[int, Twin]:
     known = case.ledger.damages.likes.known
     begins = beginnings(case)
     requests = case.ledger.exchanges.kinds.requests
-    belated, named = {d.at for d in late_answers(case)}, _named(case)
+    belated, named = {d.at for d in late_answers(case)}, named_by_header(case)
     for d in case.damages:
         mine = found.get(d.servo_id)
         if d.turn == IN_REPLY and d.is_answered and mine is not None and d.at not in belated:
@@ -135,7 +135,9 @@ def _twins(case: Case) -> Mapping[int, Twin]:
     everything = followed(case)
     one = _behind_one(case, torn, SOME) if everything is None else -1
     if one in found:
-        found[one].crossed += [d for d in torn if _behind_whom(d) == one]
+        crossed = [d for d in torn if _behind_whom(d) == one]
+        if not is_anothers(case, (d.at for d in crossed), one):
+            found[one].crossed += crossed
     _spare(case, found)
     if everything is not None:
         _give(found, everything)
@@ -217,7 +219,7 @@ def late_answers(case: Case) -> Sequence[Damage]:
     """
     begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
-    named = _named(case)
+    named = named_by_header(case)
     out = []
     for d in case.damages:
         first = ends.get(d.at - len(d.asked)) if d.turn == IN_REPLY and d.asked else None
@@ -308,12 +310,6 @@ def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
         if len(torn) >= LEAST
         and len(torn) / (case.total("ok", s) + len(torn)) >= AHEAD * (total - len(torn)) / frames
     }
-
-
-def _named(case: Case) -> Mapping[int, int]:
-    """Return whose frames torn places say they are, by their first byte: a header names a servo."""
-    told = case.anomalies("bad-checksum", "truncated-frame", "damaged-frame")
-    return dict(zip(told.at.tolist(), told.servo_id.tolist(), strict=True))
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

@@ -17,7 +17,7 @@ from sniffer.ground.codes import PROFILE
 from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from sniffer.ground.checksums import Sum
     from sniffer.ground.clues import Clue
@@ -349,6 +349,16 @@ def reply_delay_ns(protocol: Framing, register: Register, raw: int) -> int | Non
     if "delay" not in register.name or register.unit != "us":
         return None
     return int(raw * register.scale * 1000)
+
+
+def answer_begins(protocol: Framing, request: bytes) -> bytes:
+    """Return with which bytes a sound answer to a request begins; empty: nobody knows.
+
+    A protocol may say it as ``answer_begins``, of a servo that has nothing to complain of. It is
+    what torn answers are compared with where none of that servo's was ever sound.
+    """
+    told: Callable[[bytes], bytes] | None = getattr(protocol, "answer_begins", None)
+    return b"" if told is None else told(request)
 
 
 def telling_bytes(protocol: Framing, frames: Frames, data: U8) -> I64:

@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.clocks import LEAST as SHORTEST
 from sniffer.diagnosis.clocks import LOOKED, clock_of
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.misread import BITS, BITS_FEW, alike_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.ground.codes import REQUEST
+from sniffer.protocols.base import answer_begins
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.misread import Flip, Misread
     from sniffer.diagnosis.rules import Rule
 
@@ -57,7 +61,7 @@ FINDINGS: Final = (
         "clock-off",
         "line",
         "The torn answers of a servo are what a tap hears of a clock that is so much off.",
-        "Its sound answers, played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
+        "Its sound answers (where none was sound, with what the request has an answer begin), played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
     ),
 )
 
@@ -284,14 +288,22 @@ def wide_errors(case: Case) -> Iterator[Finding]:
 def clocks(case: Case) -> Iterator[Finding]:
     """Find servos whose torn answers are those of a clock that is off."""
     known = case.ledger.damages.likes.known
+    like: dict[bytes, tuple[bytes, ...]] = {}
     for servo in case.servos:
         torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
         share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
-        rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
+        # what stands behind a request to it, and need not be answered, may be its answer as well
+        own = sum(
+            d.turn == IN_REQUEST and d.behind == REQUEST and d.asked_id == servo
+            for d in case.damages
+        )
+        rest = (len(case.damages) - len(torn) - own + 1) / max(case.ledger.frames, 1)
         if len(torn) < SAME or share < APART / 2 * rest:
             continue
-        spread = torn[:: -(-len(torn) // LOOKED)]  # it wanders while it warms up
-        found = clock_of(tuple((d.got, alike_of(d, known)) for d in spread))
+        told = [(d.got, sound) for d in torn if (sound := _sound(case, d, known, like))]
+        # it wanders while it warms up
+        spread = told[:: -(-len(told) // LOOKED)] if told else ()
+        found = clock_of(tuple(spread))
         if found is None or found.explained < SAME:
             continue
         slow = "slower" if found.off > 0 else "faster"
@@ -306,6 +318,28 @@ def clocks(case: Case) -> Iterator[Finding]:
             brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
             values=(("off", found.off),),
         )
+
+
+def _sound(
+    case: Case,
+    d: Damage,
+    known: Mapping[bytes, tuple[bytes, ...]],
+    like: dict[bytes, tuple[bytes, ...]],
+) -> tuple[bytes, ...]:
+    """Return what a torn answer may have been: what was heard sound, else what must begin one.
+
+    Nothing where that is too short to be compared. ``like`` keeps what others were told of the same
+    request.
+    """
+    if not d.alike and d.asked in like:
+        return like[d.asked]
+    found = alike_of(d, known)
+    if not found and d.asked:
+        found = (answer_begins(case.protocol, d.asked),)
+    found = found if min(map(len, found), default=0) >= SHORTEST else ()
+    if not d.alike:
+        like[d.asked] = found
+    return found
 
 
 def bits_finding(

@@ -28,8 +28,9 @@ FINDINGS: Final = (
         "follow most steadily (stamps of a millisecond or better); where nothing else shows a second answer, "
         "ten of them or more, and far more steadily than behind any other's. By order, which needs no times: "
         "nine in ten torn places, ten requests among them, stand behind its answer or the one after it, a "
-        "tenth of them behind no other's, or three whole second answers are its own; it has not much more than "
-        "half of the exchanges, and its answers have a checksum.",
+        "tenth of them behind no other's, or three second answers say that they are its own, whole or by three "
+        "bytes of their beginning within what is torn; it has not much more than half of the exchanges, and its "
+        "answers have a checksum.",
     ),
     FindingCode(
         "answers-mixed",
@@ -125,7 +126,8 @@ def always_torn(case: Case) -> Iterator[Finding]:
         # from the first torn one on: a twin may come later
         since = torn[0].t_ns
         a = case.answers
-        rows = (a["servo_id"] == servo) & (a["t_first"] >= since)
+        rows = (a["servo_id"] == servo) & (a["t_last"] >= since)
+        rows &= (a["t_first"] >= since) | (a["ok"] == 0)  # what was whole may have been before
         ok, missing = int(a["ok"][rows].sum()), int(a["missing"][rows].sum())
         bad = int(a["damaged"][rows].sum())
         if bad < ALWAYS or bad < NEARLY * (ok + bad) or missing > FEW * bad:

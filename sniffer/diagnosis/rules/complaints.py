@@ -10,9 +10,9 @@ import numpy as np
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
-from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.signs import SIGN, beginnings, sign_of
+from sniffer.diagnosis.signs import SIGN, beginnings, sign_of, signed
 from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.catalogue import CATALOGUE
@@ -181,35 +181,38 @@ def chatty(case: Case) -> Iterator[Finding]:
         is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
         if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
-        if torn > n and (others or share ** (n - 1) > CHANCE):
+        # what it says itself tears no requests that it would answer
+        if torn - len(pieces.get(servo, ())) > n and (others or share ** (n - 1) > CHANCE):
             continue
         if servo < 0 or not (case.total("ok", servo) or _is_stranger(case, servo)):
             continue
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
-        if not len(told):
-            continue
         begun = pieces.get(servo, ())
-        into = f"; {len(begun)} of them began before a request was over" if begun else ""
+        times = [*told.t_ns.tolist(), *(d.t_ns for d in begun)]
+        since, until = min(times), max(times)
+        over = sum(d.turn == IN_REQUEST for d in begun)
+        into = f"; {over} of them began before a request was over" if over else ""
+        into += f"; {len(begun) - over} lie over others' answers" if len(begun) > over else ""
         yield Finding(
             "speaks-unasked",
             servo,
-            int(told.t_ns.min()),
-            int(told.t_ns.max()),
+            since,
+            until,
             n,
             f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
-            case.places(told, "an answer without a request"),
+            case.places(told, "an answer without a request")
+            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3]),
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
         answers = case.answers
-        since, until = int(told.t_ns.min()), int(told.t_ns.max())
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
         twin = twins(case).get(servo)
-        # a second answer may come so late that another one is being asked by then
+        # of two answers one may tear the other, or come when another one is being asked
         late = set()
         if twin is not None:
-            places = (twin.stray, twin.foreign, twin.crossed)
+            places = (twin.torn, twin.stray, twin.foreign, twin.crossed)
             late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
         more = n + sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
@@ -243,12 +246,21 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     for servo, own in begins.items():
         others = [other for s, other in begins.items() if s != servo]
         signs[servo] = sign_of(own, [*others, *requests])
-    torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
+    within = signed(case)
     return {
-        servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
+        servo: [
+            d
+            for d in case.damages
+            if within.get(d.at) == servo
+            or (_is_into_request(d) and len(sign) >= SIGN and d.got[:-1].startswith(sign))
+        ]
         for servo, sign in signs.items()
-        if len(sign) >= SIGN
     }
+
+
+def _is_into_request(d: Damage) -> bool:
+    """Tell whether a torn request stands behind an answer: what begins there is no answer to it."""
+    return d.turn == IN_REQUEST and d.behind == RESPONSE
 
 
 def _is_behind(d: Damage, servo: int) -> bool:

@@ -12,6 +12,7 @@ from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.signs import beginnings, signed
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import MS, NS
 
@@ -119,7 +120,12 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     ]
     known = case.ledger.exchanges.kinds.requests
     shared = header_of(known)
-    into = [d for d in torn if d.turn == IN_REQUEST and _is_two(d, known, known, shared)]
+    into = [
+        d
+        for d in torn
+        if d.turn == IN_REQUEST and d.at not in signed(case)
+        if _is_two(d, _begun(case, d, known), known, shared)
+    ]
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
     ]
@@ -139,6 +145,12 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         strength=min(0.35 + len(into) / PLENTY, len(every) / (MANY * len(torn)), 1.0),
         brief=f"{len(into)} requests run into each other",
     )
+
+
+def _begun(case: Case, d: Damage, known: Sequence[bytes]) -> Sequence[bytes]:
+    """Return the requests as which bytes go on further than as anybody's answers begin."""
+    most = max((alike(d.got, head) for head in beginnings(case).values()), default=0)
+    return [q for q in known if alike(d.got, q) > most]
 
 
 def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared: int) -> bool:

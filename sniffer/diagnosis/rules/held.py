@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import HELD, IN_IDLE
+from sniffer.diagnosis.damage import HELD, IN_IDLE, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import MS, NS
 
@@ -35,8 +35,8 @@ FINDINGS: Final = (
     FindingCode(
         "line-babbles",
         "line",
-        "The line falls all the time, for moments, and no frame gets by meanwhile.",
-        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, with hardly any between, and in which few frames get by; without a clock: rows of sixteen bytes and more, nearly all ones.",
+        "The line falls all the time, for moments, and hardly a frame gets by meanwhile, or the falls begin and end at once.",
+        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, with hardly any between, and in which few frames get by, or beside which there are none at all; without a clock: rows of sixteen bytes and more, nearly all ones.",
     ),
 )
 
@@ -66,6 +66,11 @@ DENSE: Final = 120
 FULL: Final = 60
 SOME: Final = 25
 """Falls in a quarter second that it begins or ends in."""
+
+OFTEN: Final = 8
+SHARP: Final = 0.01
+"""Quarters of a second that are full, and part of the falls elsewhere, where it does not matter
+that frames get by, as short ones of a slow loop do: what begins and ends so has a switch."""
 
 NEARLY_ALL: Final = 0.95
 """Part of all falls that must be in such moments: it babbles, or it is well."""
@@ -176,11 +181,16 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
         return (), ""
     let_by = float(frames[full].mean())
     beside = np.convolve(full, np.ones(3, np.int64), "same") > 0
-    if let_by > STOPS * usual or (~beside & (falls >= FADES)).sum() > FADING * full.sum():
+    few = let_by <= STOPS * usual
+    rows_of = sum(n for n, d in zip(short, torn, strict=True) if d.length >= STRAY)
+    sharp = full.sum() >= OFTEN and falls[~beside].sum() <= SHARP * falls.sum()
+    sharp = sharp and 2 * rows_of >= falls.sum()  # a stray at each turn is the turn's
+    if not (few or sharp) or (~beside & (falls >= FADES)).sum() > FADING * full.sum():
         return (), ""
     rows = [d for d, k in zip(torn, at.tolist(), strict=True) if full[k]]
     per_s = falls[full].mean() * NS / BUCKET_NS
-    return rows, f"{per_s:.0f} a second in {full.sum()} quarters of a second, and few frames there"
+    there = "and few frames there" if few else "and none elsewhere"
+    return rows, f"{per_s:.0f} a second in {full.sum()} quarters of a second, {there}"
 
 
 def _more_falls(d: Damage) -> int:

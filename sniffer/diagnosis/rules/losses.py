@@ -89,14 +89,14 @@ def torn_requests(case: Case) -> Iterator[Finding]:
     short, altered = [], 0
     for d in case.damages:
         # what stands right behind a torn answer was said into it
-        if d.turn == IN_REPLY or d.at in ends:
+        if (d.turn == IN_REPLY and not _is_end(d.got, known)) or d.at in ends:
             continue
         if _is_short(d.got, known) or (bare and _is_short(d.got[:-bare], known)):
             short.append(d)
         else:
             altered += any(is_altered(d.got, whole) for whole in known)
     torn = sum(d.turn == IN_REQUEST for d in case.damages)
-    if only_at_the_turn(case, short):
+    if only_at_the_turn(case, [d for d in short if d.turn != IN_REPLY]):
         return
     answered = _answered(case, short)
     were_whole = len(answered) >= max(LEAST - 1, ANSWERED * len(short))
@@ -219,12 +219,19 @@ def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     )
     complaints = set(case.anomalies("device-checksum").at.tolist())
     behind = set(rows.at.tolist()) - complaints
-    return [d for d in torn if d.at + d.length in behind]
+    # where the end of a request stands for an answer, the answer to that request is the next
+    return [d for d in torn if d.at + d.length in behind or (d.turn == IN_REPLY and d.is_answered)]
 
 
 def _is_begun(got: bytes, known: Sequence[bytes]) -> bool:
     """Tell whether bytes are the beginning of a request, and nothing else."""
     return any(whole.startswith(got) for whole in known)
+
+
+def _is_end(got: bytes, known: Sequence[bytes]) -> bool:
+    """Tell whether bytes are the end of a request: the answer that was awaited is missing, too."""
+    size = len(got)
+    return size > PIECE and any(q.endswith(got) and len(q) > size + 1 for q in known)
 
 
 def _is_short(got: bytes, known: Sequence[bytes]) -> bool:

@@ -23,6 +23,7 @@ from sniffer.protocols.lss.grammar import (
     MODELS,
     MODIFIERS,
     REGISTERS,
+    REPLY_MARK,
     WORDS,
     Word,
     fitting,
@@ -107,6 +108,13 @@ class Lss:
     def window_ns(self, frames: Frames) -> I64:
         """Return the reply window, alike for every query."""
         return np.full(len(frames), WINDOW_NS)
+
+    def answer_begins(self, request: bytes) -> bytes:
+        """Return the mark, the id and the word of the reply to a query."""
+        line = lines.read(request)
+        if not isinstance(line, lines.Line) or line.is_reply or not line.word.startswith("Q"):
+            return b""
+        return REPLY_MARK + str(line.servo_id).encode() + line.word.encode()
 
     def status_names(self, status: int) -> tuple[str, ...]:
         """Return no names: what a servo is doing is the value of a register, not a status byte."""

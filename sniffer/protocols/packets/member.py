@@ -78,6 +78,26 @@ class Member(Words):
         """Return the reply window, alike for every command."""
         return np.full(len(frames), self.family.window_ns)
 
+    def answer_begins(self, request: bytes) -> bytes:
+        """Return the head of an answer without an error, where that follows from the request.
+
+        It does where an answer is an error and the data that were asked for, under the request's
+        header.
+        """
+        family, plan = self.family, self.plan
+        if family.tells_more or family.echoes or family.stuffing is not None or not plan.size:
+            return b""
+        if self.slow_parse(request, 0, len(request)) is None:
+            return b""
+        data = self.slow_describe(request, REQUEST, None).token
+        tail = data + (family.answers is not None)  # the error stands behind a constant code
+        sizes = np.flatnonzero(plan.sizes(family.most) == plan.size_with(tail))
+        at, width = plan.at[plan.size], plan.width[plan.size]
+        if not len(sizes) or data < 0:
+            return b""
+        head = request[:at] + int(sizes[0]).to_bytes(width, "little")
+        return head + bytes((family.answers or 0,)) if plan.at["code"] == len(head) else head
+
     def states_itself(self, frames: Frames) -> Mask:
         """Tell which responses name an address: what others' bytes are, only the request says.
 

@@ -29,6 +29,7 @@ from sniffer.protocols.rs30x.grammar import (
     REFUSALS,
     RESET_WITH_DATA,
     RETURN,
+    answer_head,
     flag_names,
     long_data,
     status_names,
@@ -113,6 +114,14 @@ class Rs30x:
     def reply_delay_ns(self, name: str, raw: int) -> int | None:
         """Return the return delay. Source: RS305CR manual, 4.2 No. 7."""
         return 100_000 + 50_000 * raw if name == "return_delay" else None
+
+    def answer_begins(self, request: bytes) -> bytes:
+        """Return the head of the return packet that a short packet asks for, or the ACK."""
+        try:
+            asked = PACKET.parse(request).body.value
+        except ConstructError:
+            return b""
+        return answer_head(asked.servo_id, asked.flags, asked.address, asked.length)
 
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name the errors and alarms of a return packet, or a NACK."""

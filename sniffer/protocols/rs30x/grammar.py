@@ -191,8 +191,10 @@ example has none (then it is a ``PACKET``). Source: RS305CR manual, flag bit 4."
 
 LOWEST_ID: Final = 1
 
+RETURN_HEADER: Final = b"\xfd\xdf"
+
 RETURN: Final = _packet(
-    b"\xfd\xdf",
+    RETURN_HEADER,
     Check((this.servo_id >= LOWEST_ID) & (this.servo_id <= HIGHEST_ID)),
     Check(this.count == 1),
     "data" / Bytes(this.length),
@@ -202,6 +204,20 @@ return packet."""
 
 ACK: Final = Struct("answer" / OneOf(Byte, (ACK_BYTE, NACK_BYTE)) * "07 ACK, 08 NACK")
 """The answer to reply nibble 1."""
+
+
+def answer_head(servo_id: int, flags: int, address: int, length: int) -> bytes:
+    """Return with what the answer to a short packet begins, of a servo without an alarm.
+
+    Source: RS305CR manual, table 4.2 and return packet.
+    """
+    form = REPLIES.get(flags & REPLY_BITS)
+    if form is None:
+        return b""
+    if flags & REPLY_BITS == ASKS_ACK:
+        return bytes((ACK_BYTE,))
+    told = (address, length) if form.length < 0 else (form.address, form.length)
+    return RETURN_HEADER + bytes((servo_id, 0, *told, 1))
 
 
 def long_data(length: int) -> Any:

@@ -1,0 +1,121 @@
+"""A servo whose clock is off, where hardly anything it says is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import pytest
+
+from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.protocols import PROTOCOLS
+from sniffer.protocols.base import answer_begins
+from tests.conversations import TONGUES, robot, swinging, through_usb, without_clock
+from tests.diagnosed import codes, verdicts
+from tests.streams import rs30x
+
+if TYPE_CHECKING:
+    from tests.conversations import Conversation
+
+NAMED: Final = ("mightyzap", "rs30x", "lss")
+"""Protocols whose answers begin with whom they are from."""
+
+SICK: Final = 2
+
+Tears = Callable[[bytes], bytes]
+
+
+def fast(said: bytes) -> bytes:
+    return heard(sent(said, 0.942))
+
+
+def slow(said: bytes) -> bytes:
+    return heard(sent(said, 1.062, rise=0.22))
+
+
+def headless(said: bytes) -> bytes:
+    """A driver that is on for too long takes the first byte."""
+    return said[1:]
+
+
+def of_two(said: bytes) -> bytes:
+    """Two answer at once, the second a bit and a half later; who pulls low wins."""
+    other = said[:-3] + bytes(b ^ 0x15 for b in said[-3:])
+    return heard(both(sent(said), sent(other, begin=1.5), min))
+
+
+def answering(
+    protocol: str,
+    tears: Tears,
+    servos: tuple[int, ...] = (SICK,),
+    since: float = 0.0,
+    goals: bool = True,
+) -> Conversation:
+    """Let what one servo answers be torn from a time on."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != SICK or talk.now_s < since:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.4)
+        talk.say(tears(talk.tongue.answer(servo, swinging(servo, talk.now_s))))
+        talk.rest(0.6)
+        return True
+
+    return robot(protocol, servos=servos, instead=instead, goals=goals)
+
+
+@pytest.mark.parametrize("protocol", NAMED)
+def test_how_an_answer_begins_follows_from_the_request(protocol: str) -> None:
+    tongue, known = TONGUES[protocol], PROTOCOLS[protocol]
+    for servo in (1, 7, 99):
+        head = answer_begins(known, tongue.ask(servo))
+        assert len(head) >= 4
+        assert tongue.answer(servo, 0.3).startswith(head)
+        assert len(answer_begins(known, tongue.goal(servo, 0.3))) < len(head) + 2
+    assert answer_begins(known, b"\x00\x01") == b""
+
+
+def test_a_protocol_that_does_not_say_how_answers_begin_is_asked_in_vain() -> None:
+    assert answer_begins(PROTOCOLS["wck"], TONGUES["wck"].ask(1)) == b""
+
+
+@pytest.mark.parametrize("tears", [fast, slow])
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_clock_is_known_to_be_off_though_no_answer_at_all_is_sound(
+    protocol: str, tears: Tears
+) -> None:
+    talk = answering(protocol, tears)
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        told = talk.diagnosed(chunks)
+        assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
+
+
+@pytest.mark.parametrize("tears", [headless, of_two])
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_what_else_tears_all_answers_of_the_only_servo_is_no_clock(
+    protocol: str, tears: Tears
+) -> None:
+    assert "clock-off" not in codes(answering(protocol, tears).diagnosed())
+
+
+def test_answers_in_turn_with_others_that_tell_nothing_are_compared_all_the_same() -> None:
+    """Every fourth answer is told; of those between only a bare byte is heard."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != SICK or talk.now_s < 2:
+            return False
+        if cycle % 4:
+            talk.say(rs30x.write(servo, 0x1E, bytes((cycle % 100, 0)), flags=1))
+            talk.rest(0.4)
+            talk.say(fast(b"\x07"))
+        else:
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.4)
+            talk.say(fast(talk.tongue.answer(servo, swinging(servo, talk.now_s))))
+        talk.rest(0.6)
+        return True
+
+    told = robot("rs30x", 12, instead=instead, goals=False).diagnosed()
+    assert "clock-off" in codes(told)
+    assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
