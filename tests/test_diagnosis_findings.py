@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 from sniffer.ground.model import Clock
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
 
 VOLTAGE, TEMPERATURE, POSITION, FORCE, ID = 0x92, 0x93, 0x8C, 0x80, 0x03
 
@@ -352,3 +357,36 @@ def test_an_answer_that_nobody_asked_for_is_a_lost_request_unless_it_comes_again
     d = lss(*calm, *[(1.05 + k, "*2QD100") for k in range(6)])
     assert verdicts(d.incidents()) == [("chatty-device", (2,))]
     assert not lss(*calm, (3.05, "*2QD100")).incidents()
+
+
+def saving(*spells: tuple[float, float], also: tuple[tuple[float, str], ...] = ()) -> Diagnosis:
+    """Ask an LSS for its status; it is in safe mode in these spells."""
+    said = [
+        (k * 0.2, f"#5Q *5Q{10 if any(a <= k * 0.2 < b for a, b in spells) else 6}")
+        for k in range(150)
+    ]
+    return lss(*said, *also)
+
+
+def test_a_servo_that_leaves_safe_mode_by_itself_within_moments_had_no_supply_and_no_fever() -> (
+    None
+):
+    d = saving((4.0, 5.0), (12.0, 13.2))
+    assert "saved-briefly" in codes(d)
+    assert verdicts(d.incidents()) == [("brownout", (5,))]
+
+
+@pytest.mark.parametrize(
+    ("spells", "also"),
+    [
+        ([(4.0, 16.0), (18.0, 29.5)], ()),
+        ([(4.0, 5.0)], ()),
+        ([(4.0, 5.0), (12.0, 13.2)], ((4.9, "#5RESET"), (13.1, "#5RESET"))),
+        ([(4.0, 5.0), (12.0, 13.2)], ((3.9, "#5QT *5QT820"), (5.9, "#5QT *5QT821"))),
+    ],
+    ids=["cools-down", "once", "was-restarted", "is-hot"],
+)
+def test_safe_mode_that_heat_may_explain_is_not_over_too_soon_for_it(
+    spells: list[tuple[float, float]], also: tuple[tuple[float, str], ...]
+) -> None:
+    assert "saved-briefly" not in codes(saving(*spells, also=also))
