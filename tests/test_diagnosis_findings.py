@@ -8,7 +8,7 @@ import pytest
 
 from sniffer.ground.model import Clock
 from tests.diagnosed import codes, verdicts
-from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -114,48 +114,6 @@ def test_a_temperature_that_jumps_and_comes_back_is_none() -> None:
     assert "doubtful-value" in codes(d)
     assert not codes(d) & {"temperature-high", "temperature-rising"}
     assert not d.incidents()
-
-
-def places(*raw: int, every: float = 0.04) -> list[tuple[float, bytes]]:
-    return [
-        row
-        for k, place in enumerate(raw)
-        for row in mightyzap_read(1, k * every, POSITION, place.to_bytes(2, "little"))
-    ]
-
-
-SOUND = [2000 + 3 * (k % 20) for k in range(120)]
-
-
-def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
-    d = heard(places(*SOUND[:50], 3500, *SOUND[50:]), "mightyzap")
-    assert verdicts(d.incidents()) == [("position-jump", (1,))]
-
-
-def test_a_position_that_stays_for_moments_where_no_goal_is_jumped_there() -> None:
-    def moved(away: list[int]) -> list[tuple[float, bytes]]:
-        goals = [
-            mightyzap_write(1, k * 0.04 + 0.02, 0x86, SOUND[k].to_bytes(2, "little"))
-            for k in range(120)
-        ]
-        return sorted([*places(*SOUND[:50], *away, *SOUND[50 + len(away) :]), *goals])
-
-    there = moved([3900] * 4)
-    assert verdicts(heard(there, "mightyzap").incidents()) == [("position-jump", (1,))]
-    for slowly in ([2300, 2600, 2900, 3200, 3200, 2900, 2600, 2300], [3900] * 20):
-        assert "position-jumps" not in codes(heard(moved(slowly), "mightyzap"))
-
-
-def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
-    d = lss(*polled(lambda t: 150.0 if 4.99 < t < 5.01 else 10 + t, lambda t: None))
-    assert "doubtful-value" in codes(d)
-    assert not d.incidents()
-
-
-def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() -> None:
-    later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
-    d = heard([*places(*SOUND[:50]), *later], "mightyzap")
-    assert not codes(d) & {"position-jumps", "doubtful-value"}
 
 
 def test_the_goal_before_an_alarm_is_told_with_it() -> None:
