@@ -247,6 +247,7 @@ WEIGHTS: Final = (
         ("refuses-command", 3.0, "it refuses one command time and again"),
         ("refuses-torque", 3.0, "it refuses to switch its torque on"),
         ("one-question-unanswered", 2.5, "it takes all questions but one"),
+        ("odd-commands", -1.0, "what it leaves or refuses is not as the manual has it"),
         ("device-nack", 1.0, "it says no"),
         ("device-range", 1.0, "it says that there is no such address or value"),
         ("device-instruction", 1.0, "it says that there is no such command"),
