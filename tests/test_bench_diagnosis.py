@@ -15,6 +15,7 @@ from bench.diagnosis.dialects import DIALECTS
 from bench.diagnosis.figures import gathered
 from bench.diagnosis.hosts import HOSTS, START_NS, Capture, exact
 from bench.diagnosis.judging import Case, Told, case_of, score
+from bench.diagnosis.line import Bench
 from bench.diagnosis.report import GUIDE, MEASURED, RESULTS, STATED, report
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.uart import BITS, HIGH, LOW, Burst, Clash, Pulse, Receiver, line
@@ -98,6 +99,18 @@ def test_a_line_that_is_held_high_swallows_what_is_said_meanwhile() -> None:
 def test_a_sender_that_is_cut_off_is_not_heard() -> None:
     burst = Burst(0.0, b"\x00\x41", BIT, muted=((-1.0, BITS * BIT),))
     assert values(line([burst])) == [(0x41, True)]
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_sixteen_sound_servos_that_start_at_once_are_left_what_they_work_with(
+    protocol: str,
+) -> None:
+    dialect = DIALECTS[protocol]
+    for seed in range(20):
+        bench = Bench(protocol, seed, dialect.ids[:16], 115200)
+        supply = bench.bodies[dialect.ids[0]].supply
+        supply.total_a = 0.6 * len(bench.bodies)  # half of what they take when they are held fast
+        assert supply.voltage > 0.75 * dialect.volt
 
 
 @EVERY

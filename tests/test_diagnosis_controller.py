@@ -17,7 +17,6 @@ from tests.conversations import (
     robot,
     swinging,
     through_usb,
-    without_clock,
 )
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
@@ -336,45 +335,6 @@ def test_goals_beyond_limits_that_the_servo_told_are_out_of_range(
 @pytest.mark.parametrize(("protocol", "low", "high"), [("mightyzap", 0, 4095), ("wck", 0, 254)])
 def test_goals_within_the_limits_are_sound(protocol: str, low: int, high: int) -> None:
     assert not limited(protocol, low, high).diagnosed().incidents()
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_a_goal_that_jumps_and_comes_back_is_a_jump(protocol: str) -> None:
-    def path(servo: int, s: float) -> float:
-        x = swinging(servo, s)
-        return 1 - x if servo == 2 and int(s * 40) in (150, 151, 280) and abs(x - 0.5) > 0.1 else x
-
-    told = robot(protocol, 12, path=path).diagnosed()
-    assert [f.servo_id for f in found(told) if f.code == "goal-jump"] == [2]
-    assert ("position-jump", (2,)) in verdicts(told.incidents())
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_a_program_that_moves_from_point_to_point_does_not_jump(protocol: str) -> None:
-    rng = random.Random(6)
-    points = [rng.uniform(0.1, 0.9) for _ in range(12)]
-
-    def path(servo: int, s: float) -> float:
-        return points[(int(s) + servo) % len(points)]
-
-    assert "goal-jump" not in codes(robot(protocol, 12, path=path).diagnosed())
-
-
-def test_a_path_that_went_on_while_the_loop_stood_still_does_not_jump() -> None:
-    talk = robot("rs30x", 10, before=lambda talk, n: talk.rest(400 if n % 90 == 89 else 0))
-    assert "goal-jump" not in codes(talk.diagnosed())
-
-
-def test_without_a_clock_only_a_goal_where_no_other_is_comes_back_from_a_jump() -> None:
-    """Two pauses look alike, for the path goes on meanwhile: to where it goes anyway."""
-    paused = robot("rs30x", 10, before=lambda talk, n: talk.rest(900 if n % 97 in (50, 54) else 0))
-    assert "goal-jump" not in codes(paused.diagnosed(without_clock(paused.chunks)))
-
-    def path(servo: int, s: float) -> float:
-        return 0.97 if servo == 2 and int(s * 40) in (150, 151) else swinging(servo, s) / 2
-
-    jumps = robot("rs30x", 10, path=path)
-    assert "goal-jump" in codes(jumps.diagnosed(without_clock(jumps.chunks)))
 
 
 # ---------------------------------------------------------------------------------- what overlaps

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 from sniffer.ground.model import Clock
 from tests.diagnosed import codes, verdicts
-from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
 
 VOLTAGE, TEMPERATURE, POSITION, FORCE, ID = 0x92, 0x93, 0x8C, 0x80, 0x03
 
@@ -109,48 +114,6 @@ def test_a_temperature_that_jumps_and_comes_back_is_none() -> None:
     assert "doubtful-value" in codes(d)
     assert not codes(d) & {"temperature-high", "temperature-rising"}
     assert not d.incidents()
-
-
-def places(*raw: int, every: float = 0.04) -> list[tuple[float, bytes]]:
-    return [
-        row
-        for k, place in enumerate(raw)
-        for row in mightyzap_read(1, k * every, POSITION, place.to_bytes(2, "little"))
-    ]
-
-
-SOUND = [2000 + 3 * (k % 20) for k in range(120)]
-
-
-def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
-    d = heard(places(*SOUND[:50], 3500, *SOUND[50:]), "mightyzap")
-    assert verdicts(d.incidents()) == [("position-jump", (1,))]
-
-
-def test_a_position_that_stays_for_moments_where_no_goal_is_jumped_there() -> None:
-    def moved(away: list[int]) -> list[tuple[float, bytes]]:
-        goals = [
-            mightyzap_write(1, k * 0.04 + 0.02, 0x86, SOUND[k].to_bytes(2, "little"))
-            for k in range(120)
-        ]
-        return sorted([*places(*SOUND[:50], *away, *SOUND[50 + len(away) :]), *goals])
-
-    there = moved([3900] * 4)
-    assert verdicts(heard(there, "mightyzap").incidents()) == [("position-jump", (1,))]
-    for slowly in ([2300, 2600, 2900, 3200, 3200, 2900, 2600, 2300], [3900] * 20):
-        assert "position-jumps" not in codes(heard(moved(slowly), "mightyzap"))
-
-
-def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
-    d = lss(*polled(lambda t: 150.0 if 4.99 < t < 5.01 else 10 + t, lambda t: None))
-    assert "doubtful-value" in codes(d)
-    assert not d.incidents()
-
-
-def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() -> None:
-    later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
-    d = heard([*places(*SOUND[:50]), *later], "mightyzap")
-    assert not codes(d) & {"position-jumps", "doubtful-value"}
 
 
 def test_the_goal_before_an_alarm_is_told_with_it() -> None:
@@ -352,3 +315,36 @@ def test_an_answer_that_nobody_asked_for_is_a_lost_request_unless_it_comes_again
     d = lss(*calm, *[(1.05 + k, "*2QD100") for k in range(6)])
     assert verdicts(d.incidents()) == [("chatty-device", (2,))]
     assert not lss(*calm, (3.05, "*2QD100")).incidents()
+
+
+def saving(*spells: tuple[float, float], also: tuple[tuple[float, str], ...] = ()) -> Diagnosis:
+    """Ask an LSS for its status; it is in safe mode in these spells."""
+    said = [
+        (k * 0.2, f"#5Q *5Q{10 if any(a <= k * 0.2 < b for a, b in spells) else 6}")
+        for k in range(150)
+    ]
+    return lss(*said, *also)
+
+
+def test_a_servo_that_leaves_safe_mode_by_itself_within_moments_had_no_supply_and_no_fever() -> (
+    None
+):
+    d = saving((4.0, 5.0), (12.0, 13.2))
+    assert "saved-briefly" in codes(d)
+    assert verdicts(d.incidents()) == [("brownout", (5,))]
+
+
+@pytest.mark.parametrize(
+    ("spells", "also"),
+    [
+        ([(4.0, 16.0), (18.0, 29.5)], ()),
+        ([(4.0, 5.0)], ()),
+        ([(4.0, 5.0), (12.0, 13.2)], ((4.9, "#5RESET"), (13.1, "#5RESET"))),
+        ([(4.0, 5.0), (12.0, 13.2)], ((3.9, "#5QT *5QT820"), (5.9, "#5QT *5QT821"))),
+    ],
+    ids=["cools-down", "once", "was-restarted", "is-hot"],
+)
+def test_safe_mode_that_heat_may_explain_is_not_over_too_soon_for_it(
+    spells: list[tuple[float, float]], also: tuple[tuple[float, str], ...]
+) -> None:
+    assert "saved-briefly" not in codes(saving(*spells, also=also))

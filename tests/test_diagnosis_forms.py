@@ -32,6 +32,23 @@ def test_frames_in_a_form_that_no_manual_has_are_malformed(protocol: str, reques
 
 
 @pytest.mark.parametrize(
+    ("body", "cause"),
+    [(b"\x8c", "malformed-command"), (b"\xd0\x02", "servo-refuses")],
+    ids=["half-a-body", "whole"],
+)
+def test_a_question_that_no_servo_could_take_is_not_refused_beside_it(
+    body: bytes, cause: str
+) -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % 16 == 7:
+            talk.write(mightyzap.packet(2, 0xF2, body))
+            talk.rest(12)
+
+    told = robot("mightyzap", 12, behind=also).diagnosed()
+    assert verdicts(told.incidents()) == [(cause, (2,))]
+
+
+@pytest.mark.parametrize(
     ("protocol", "bytes_"),
     [("lss", b"#2D1 5\r"), ("rs30x", b"\xfa\xaf\x02\x00\x1e\x02\x01\x01\x02\x55")],
 )

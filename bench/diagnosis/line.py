@@ -30,6 +30,10 @@ SHADOW: Final = BITS + 1
 """For so many bits behind a false start a receiver is busy with a byte that is none."""
 
 
+SERVED: Final = 9
+"""So many servos hang on the wires of one bus at most; for more of them they are thicker: sixteen
+that start at once would take the supply down by a third, which is a fault."""
+
 LONGEST: Final = 30
 """Bytes of the longest answer here."""
 
@@ -143,7 +147,8 @@ class Bench:
     def __post_init__(self) -> None:
         self.dialect = dialect = DIALECTS[self.protocol]
         self.rng = rng = random.Random(f"{self.protocol} {self.seed}")
-        supply = Supply(dialect.volt * rng.uniform(0.98, 1.03), rng.uniform(0.08, 0.25))
+        ohm = rng.uniform(0.08, 0.25) * min(1.0, SERVED / max(len(self.ids), 1))
+        supply = Supply(dialect.volt * rng.uniform(0.98, 1.03), ohm)
         self.bodies = {i: Body(i, rng, supply) for i in self.ids}
         self.shadows = {i: Body(i, rng, supply) for i in self.twins}
         if self.goals is None:

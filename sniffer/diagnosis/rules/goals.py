@@ -190,7 +190,9 @@ def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
     if (np.diff(goals.bucket[beside]) > 1).any():
         return True
     near = np.abs(goals.bucket - goals.bucket[r]) <= NEAR
-    if (goals.n[beside] < STATED * float(np.median(goals.n[near]))).any():
+    most = float(np.median(goals.n[near]))
+    # a quarter second has one of a period more or less: two hundred milliseconds make it one or two
+    if ((goals.n[beside] < STATED * most) & (goals.n[beside] < most - 1)).any():
         return True
     since, until = int(goals.t_first[beside.start]), int(goals.t[r])
     runs = [run for run in case.ledger.exchanges.all_runs if run.again > RETRIES]

@@ -26,7 +26,7 @@ FINDINGS: Final = (
         "position-jumps",
         "device",
         "A measured position jumps as no joint moves.",
-        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there. Both beyond 4 degrees (0.8 mm) and 4 % of the range.",
+        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there; or a step and one back within a quarter second, whatever the goals, both faster than 500 degrees (133 mm) a second. All beyond 4 degrees (0.8 mm) and 4 % of the range.",
     ),
     FindingCode(
         "doubtful-value",
@@ -85,14 +85,20 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
     usual = float(np.quantile(p.step, USUAL))
     span = _span(p)
     joint = track(case, servo)
-    out = []
+    out: list[Leap] = []
+    ways_back: set[int] = set()
     for k, s in enumerate(steps):
         size = s.size / MILLI
         wraps = p.register.range is not None and size > WRAPS * span
         least = max(AHEAD * usual, LEAST_SHARE * span, FAR.get(p.unit, 0.0))
-        if size < least or wraps:
+        if size < least or wraps or s.at in ways_back:
             continue
         follows = steps[k + 1] if k + 1 < len(steps) else None
+        back = _way_back(case, p, steps, k)
+        if back is not None:
+            ways_back.add(back.at)
+            out.append(s)  # whatever it was told
+            continue
         soon = SOON_NS if joint is None else LATER_NS
         comes_back = _comes_back(s, follows) and s.took_ns <= soon
         # who is there and back within moments was not told so a second ago
@@ -100,7 +106,6 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
         is_told = joint is not None and joint.position.index == p.index
         if joint is not None and is_told and _was_told(joint, s, before_ns):
             continue
-        comes_back |= is_told and _rests_there(case, p, s, follows)
         if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
             out.append(s)
     return out
@@ -126,22 +131,28 @@ def _comes_back(s: Leap, follows: Leap | None) -> bool:
     return abs(follows.after - s.before) <= BACK * s.size
 
 
-def _rests_there(case: Case, p: Series, s: Leap, follows: Leap | None) -> bool:
-    """Tell whether a position stays where it jumped to for some looks, and jumps back.
+def _way_back(case: Case, p: Series, steps: Sequence[Leap], k: int) -> Leap | None:
+    """Return the step by which a position is soon back from where it jumped to, be it moving meanwhile.
 
-    Both ways are faster than its motor can be, and no goal lies there: it does not bounce either.
+    Both ways are faster than its motor can be: no goal explains that, and it does not bounce either.
     """
-    if follows is None or follows.before != s.after or p.unit not in SPEED or not case.has_clock:
-        return False
-    stays_ns = follows.t_ns - follows.took_ns - s.t_ns
-    return (
-        stays_ns <= SOON_NS
-        and abs(follows.after - s.before) <= BACK * s.size
-        and all(
-            leap.size / MILLI * NS > SPEED[p.unit] * (leap.took_ns + case.latency_ns)
-            for leap in (s, follows)
-        )
-    )
+    s = steps[k]
+    if p.unit not in SPEED or not case.has_clock or not _outruns(case, p, s):
+        return None
+    for back in steps[k + 1 :]:
+        if back.t_ns - back.took_ns - s.t_ns > SOON_NS:
+            return None
+        if (
+            abs(back.before - s.after) <= BACK * s.size
+            and abs(back.after - s.before) <= BACK * s.size
+        ):
+            return back if _outruns(case, p, back) else None
+    return None
+
+
+def _outruns(case: Case, p: Series, s: Leap) -> bool:
+    """Tell whether a step is faster than a motor, however late the stamps are."""
+    return s.size / MILLI * NS > SPEED[p.unit] * (s.took_ns + case.latency_ns)
 
 
 def _returns(steps: Sequence[Leap], k: int) -> bool:

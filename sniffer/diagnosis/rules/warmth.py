@@ -14,6 +14,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import LOOKS, track
 from sniffer.ground.codes import CONFIG
 from sniffer.ground.model import NS
+from sniffer.protocols.base import RESTARTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,6 +43,12 @@ FINDINGS: Final = (
         "The last temperature before it, at most five seconds old, is 20 degrees or more below the limit.",
     ),
     FindingCode(
+        "saved-briefly",
+        "device",
+        "A servo leaves safe mode within seconds, and nobody restarted it: no motor cools so fast.",
+        "Every safe mode whose end is seen lasts ten seconds at most, twice at least or with a silence in it, without a command that restarts; and no temperature near its limit is measured.",
+    ),
+    FindingCode(
         "load-high-and-still",
         "device",
         "A servo bears nearly all that it can, for long, and does not move while its goals do.",
@@ -63,6 +70,10 @@ HOT_DEGC: Final = 75.0
 COOL_DEGC: Final = 20.0
 FRESH_NS: Final = 5 * NS
 """So far below its limit, and measured so shortly before, heat is no reason to protect itself."""
+
+TWICE: Final = 2
+COOLS_NS: Final = 10 * NS
+"""A motor that was at its limit takes minutes to cool by more than its thermometer flutters."""
 
 RISE_DEGC: Final = 15.0
 
@@ -158,6 +169,37 @@ def saved_while_cool(case: Case) -> Iterator[Finding]:
             f"{t.told(limit)}",
             case.places(told, f"servo {servo}: safe mode", 2),
             brief=f"servo {servo} is not hot",
+        )
+
+
+def saved_briefly(case: Case) -> Iterator[Finding]:
+    """Servos whose safe mode ends by itself, and far too soon for heat."""
+    for servo in case.servos:
+        told = case.anomalies("device-safe-mode", servo_id=servo)
+        back = case.anomalies("device-recovered", servo_id=servo).t_ns
+        if not len(told) or not len(back) or len(hot_times(case, servo)):
+            continue
+        row = np.searchsorted(back, told.t_ns, "right")
+        seen = row < len(back)
+        began, ended = told.t_ns[seen], back[row[seen]]
+        restarts = case.order_times(servo, RESTARTS)
+        spells = list(zip(began.tolist(), ended.tolist(), strict=True))
+        silent = [s.first_ns for s in case.ledger.silences.runs(servo)]
+        if len(spells) < TWICE and not any(a <= t <= b for a, b in spells for t in silent):
+            continue
+        longest = max(b - a for a, b in spells) if spells else 0
+        if longest > COOLS_NS or any(((restarts >= a) & (restarts <= b)).any() for a, b in spells):
+            continue
+        yield Finding(
+            "saved-briefly",
+            servo,
+            spells[0][0],
+            spells[-1][1],
+            len(spells),
+            f"servo {servo} is out of safe mode after {longest / NS:.1f} s at most, and nobody "
+            "restarted it",
+            case.places(told, f"servo {servo}: safe mode", 2),
+            brief=f"servo {servo} is out of safe mode by itself",
         )
 
 
@@ -278,5 +320,5 @@ def _usual(case: Case, motor: Effort) -> float:
     return float(np.median(medians)) if medians else 0.0
 
 
-RULES: Final[tuple[Rule, ...]] = (temperature, saved_while_cool, load)
+RULES: Final[tuple[Rule, ...]] = (temperature, saved_while_cool, saved_briefly, load)
 """The rules of this file."""

@@ -230,6 +230,19 @@ WEIGHTS: Final = (
         ("misses-now-and-then", 0.5, "servos do not answer it"),
         ("comes-and-goes", 0.3, "servos do not answer it"),
         ("away-for-a-while", 0.2, "servos do not answer it"),
+        *(
+            (code, 0.2, "servos do not answer it, and all else")
+            for code in (
+                "one-question-unanswered",
+                "away-without-a-tear",
+                "away-again-and-again",
+                "away-alike",
+                "outages-evenly",
+                "outages-anytime",
+                "supply-steady",
+                "torque-survives",
+            )
+        ),
         ("refuses-command", 0.5, "servos refuse it"),
         ("same-bytes-torn", 3.5, "the same bytes that are no frame, time and again"),
         ("damaged-frame", 0.4, "it is no frame at all"),

@@ -1,0 +1,124 @@
+"""Jumps: of goals among others that move in small steps, and of positions that no joint does."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.conversations import TONGUES, robot, swinging, without_clock
+from tests.diagnosed import codes, found, verdicts
+from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+
+PROTOCOLS = tuple(TONGUES)
+
+POSITION = 0x8C
+"""Where a mightyZAP tells its position."""
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_goal_that_jumps_and_comes_back_is_a_jump(protocol: str) -> None:
+    def path(servo: int, s: float) -> float:
+        x = swinging(servo, s)
+        return 1 - x if servo == 2 and int(s * 40) in (150, 151, 280) and abs(x - 0.5) > 0.1 else x
+
+    told = robot(protocol, 12, path=path).diagnosed()
+    assert [f.servo_id for f in found(told) if f.code == "goal-jump"] == [2]
+    assert ("position-jump", (2,)) in verdicts(told.incidents())
+
+
+@pytest.mark.parametrize("cycles", [range(0), range(38, 40)], ids=["goes-on", "jumps"])
+def test_a_goal_that_jumps_in_a_slow_loop_is_a_jump_as_well(cycles: range) -> None:
+    def path(servo: int, s: float) -> float:
+        x = swinging(servo, s / 3)
+        return (0.95 if x < 0.5 else 0.05) if servo == 2 and int(s * 6.5 + 0.1) in cycles else x
+
+    told = robot("lss", 12, path=path, rate_hz=6.5).diagnosed()
+    assert [f.servo_id for f in found(told) if f.code == "goal-jump"] == [2] * bool(cycles)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_program_that_moves_from_point_to_point_does_not_jump(protocol: str) -> None:
+    rng = random.Random(6)
+    points = [rng.uniform(0.1, 0.9) for _ in range(12)]
+
+    def path(servo: int, s: float) -> float:
+        return points[(int(s) + servo) % len(points)]
+
+    assert "goal-jump" not in codes(robot(protocol, 12, path=path).diagnosed())
+
+
+def test_a_path_that_went_on_while_the_loop_stood_still_does_not_jump() -> None:
+    talk = robot("rs30x", 10, before=lambda talk, n: talk.rest(400 if n % 90 == 89 else 0))
+    assert "goal-jump" not in codes(talk.diagnosed())
+
+
+def test_without_a_clock_only_a_goal_where_no_other_is_comes_back_from_a_jump() -> None:
+    """Two pauses look alike, for the path goes on meanwhile: to where it goes anyway."""
+    paused = robot("rs30x", 10, before=lambda talk, n: talk.rest(900 if n % 97 in (50, 54) else 0))
+    assert "goal-jump" not in codes(paused.diagnosed(without_clock(paused.chunks)))
+
+    def path(servo: int, s: float) -> float:
+        return 0.97 if servo == 2 and int(s * 40) in (150, 151) else swinging(servo, s) / 2
+
+    jumps = robot("rs30x", 10, path=path)
+    assert "goal-jump" in codes(jumps.diagnosed(without_clock(jumps.chunks)))
+
+
+def places(*raw: int, every: float = 0.04) -> list[tuple[float, bytes]]:
+    return [
+        row
+        for k, place in enumerate(raw)
+        for row in mightyzap_read(1, k * every, POSITION, place.to_bytes(2, "little"))
+    ]
+
+
+SOUND = [2000 + 3 * (k % 20) for k in range(120)]
+
+
+def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
+    d = heard(places(*SOUND[:50], 3500, *SOUND[50:]), "mightyzap")
+    assert verdicts(d.incidents()) == [("position-jump", (1,))]
+
+
+def test_a_position_that_stays_for_moments_where_no_goal_is_jumped_there() -> None:
+    def moved(away: list[int]) -> list[tuple[float, bytes]]:
+        goals = [
+            mightyzap_write(1, k * 0.04 + 0.02, 0x86, SOUND[k].to_bytes(2, "little"))
+            for k in range(120)
+        ]
+        return sorted([*places(*SOUND[:50], *away, *SOUND[50 + len(away) :]), *goals])
+
+    there = moved([3900] * 4)
+    assert verdicts(heard(there, "mightyzap").incidents()) == [("position-jump", (1,))]
+    for slowly in ([2300, 2600, 2900, 3200, 3200, 2900, 2600, 2300], [3900] * 20):
+        assert "position-jumps" not in codes(heard(moved(slowly), "mightyzap"))
+
+
+@pytest.mark.parametrize("is_jump", [True, False])
+def test_a_position_that_jumps_while_its_joint_moves_to_where_goals_were_has_jumped(
+    *, is_jump: bool
+) -> None:
+    path = [1000 + 60 * k if k < 40 else 3400 - 60 * (k - 40) for k in range(80)]
+    there = {57: 1300, 58: 1310, 59: 1295} if is_jump else {}  # where it goes next, and comes from
+    goals = [
+        mightyzap_write(1, k * 0.04 + 0.02, 0x86, raw.to_bytes(2, "little"))
+        for k, raw in enumerate(path)
+    ]
+    looks = places(*(there.get(k, raw) for k, raw in enumerate(path)))
+    d = heard(sorted([*looks, *goals]), "mightyzap")
+    assert verdicts(d.incidents()) == ([("position-jump", (1,))] if is_jump else [])
+    told = finding(d, "position-jumps")
+    assert (told is not None and told.count) == is_jump  # the way back is no jump of its own
+
+
+def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
+    d = lss(*polled(lambda t: 150.0 if 4.99 < t < 5.01 else 10 + t, lambda t: None))
+    assert "doubtful-value" in codes(d)
+    assert not d.incidents()
+
+
+def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() -> None:
+    later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
+    d = heard([*places(*SOUND[:50]), *later], "mightyzap")
+    assert not codes(d) & {"position-jumps", "doubtful-value"}
