@@ -26,7 +26,6 @@ from sniffer.inside.search import Search
 from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
-from sniffer.sinks.words import took_in_words
 from sniffer.sources import open_source
 from tests.commands import sniffer as command
 from tests.commands import two_buses
@@ -325,37 +324,6 @@ def test_the_servos_are_known_as_of_a_line(index: CaptureIndex) -> None:
         assert row.cells["position"] == f"{last.value:.4g} mm"
         assert row.age_s >= 0
     assert [row.servo for row in moment_of(index, line)] == [1, 2, 3]
-
-
-def test_figures_count_what_is_shown(index: CaptureIndex) -> None:
-    every = figures_of(index, np.arange(len(index.lines)))
-    assert (every.frames, every.gaps, every.bytes) == (1448, 30, 18442)
-    assert sum(c.count for c in every.codes) == len(index.found)
-    missing = {s.servo: s.missing for s in every.servos}
-    for s in every.servos:
-        mine = index.lines[index.lines["servo"] == s.servo]
-        asked = int((mine["kind"] == 0).sum())
-        timed = mine[(mine["kind"] == 1) & (mine["took"] >= 0)]
-        worst = max(timed, key=lambda one: one["took"] + max(one["spread"], 0), default=None)
-        assert s.requests == asked
-        if worst is not None:
-            assert s.worst == took_in_words(int(worst["took"]), int(worst["spread"]), "")
-    one = figures_of(index, np.flatnonzero(index.lines["servo"] == 1))
-    assert {s.servo: s.missing for s in one.servos} == {1: missing[1]}
-
-
-def test_figures_of_exchanges_count_both_halves(index: CaptureIndex) -> None:
-    view = LineView(index)
-    whole = figures_of(index, view.frames())
-    assert whole == figures_of(index, np.arange(len(index.lines)))
-    view.choose(None, exchanges=True)
-    assert judged(view).count < len(index.lines)
-    assert figures_of(index, view.frames()) == whole
-    view.choose(filter_of("kind=response servo=2"), exchanges=True)
-    (two,) = figures_of(index, judged(view).frames()).servos
-    answers = index.lines[(index.lines["kind"] == 1) & (index.lines["servo"] == 2)]
-    assert two.answers == len(answers)
-    assert two.requests == int((answers["partner"] >= 0).sum())
 
 
 def test_the_help_has_every_key() -> None:

@@ -33,7 +33,6 @@ from sniffer.ground.codes import (
     ON_ITS_OWN,
     REQUEST,
     RESPONSE,
-    UNSOLICITED,
 )
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
@@ -41,8 +40,6 @@ from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from sniffer.ground.model import Batch
 
 _MIX: Final = np.uint64(0x9E3779B97F4A7C15)
 """Odd, and its bits are as good as random: 2 ** 64 / golden ratio."""
@@ -125,14 +122,6 @@ def outcomes(partner: I64) -> tuple[I64, I64, I64]:
         return answer, asked, np.full(len(answer), OK)
     how = np.where(fits, OK, MISMATCHED)
     return answer, np.where(fits, asked, -2 - asked), how
-
-
-def unasked(batch: Batch) -> Mask:
-    """Tell which transactions are answers that fit no request: not what comes of its own later."""
-    t, token = batch.transactions, batch.frames.token
-    own = token[np.maximum(t.response, 0)] == ON_ITS_OWN
-    rows: Mask = (t.outcome == UNSOLICITED) & ~own
-    return rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from sniffer.ground.codes import (
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
+    ON_ITS_OWN,
     REQUEST,
     RESPONSE,
     UNSOLICITED,
@@ -34,6 +35,7 @@ from sniffer.ground.model import ECHO, I64, U8, Frames, Mask, Transactions
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
 
 CHAIN: Final = 4096
@@ -329,3 +331,11 @@ def _told_by(frames: Frames, answer: I64, requests: Frames, asked: I64, own: Mas
         servo_id = servo_id.copy()
         servo_id[answer[bare]] = requests.servo_id[asked[bare]]
     return replace(frames, op=op, address=address, servo_id=servo_id)
+
+
+def unasked(batch: Batch) -> Mask:
+    """Tell which transactions are answers that fit no request: not what comes of its own later."""
+    t, token = batch.transactions, batch.frames.token
+    own = token[np.maximum(t.response, 0)] == ON_ITS_OWN
+    rows: Mask = (t.outcome == UNSOLICITED) & ~own
+    return rows

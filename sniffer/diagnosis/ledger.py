@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.matching import unasked
+from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened

@@ -19,6 +19,9 @@ PALETTE: Final[Sequence[Rgb]] = tuple(
 )
 """One colour a servo, told apart on a dark ground; servo 1 has the first."""
 
+GREY: Final[Rgb] = (160, 170, 190)
+"""What is no servo's: how much is said on a line."""
+
 
 class Colours:
     """Gives each servo id a colour; the same id has the same colour in every recording.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.matching import unasked
 from sniffer.decoding.narrowing import selected
+from sniffer.decoding.pairing import unasked
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNSOLICITED, WHOLE

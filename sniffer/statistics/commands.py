@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.durations import Quantiles
-from sniffer.decoding.matching import unasked
+from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST

@@ -30,7 +30,6 @@ Shape = Literal["Cross", "Down"]
 
 WHITE: Final[Rgb] = (255, 255, 255)
 BLACK: Final[Rgb] = (0, 0, 0)
-GREY: Final[Rgb] = (160, 170, 190)
 REST: Final[Rgb] = (58, 62, 70)
 """A state of rest: it recedes."""
 

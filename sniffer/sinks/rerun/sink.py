@@ -19,21 +19,11 @@ import numpy as np
 from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
-from sniffer.ground.colours import Colours
+from sniffer.ground.colours import GREY, Colours
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
-from sniffer.sinks.rerun.entities import (
-    ALARM,
-    DATED_NS,
-    GREY,
-    WHITE,
-    Curve,
-    Entity,
-    Log,
-    LogLine,
-    Strip,
-)
+from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
