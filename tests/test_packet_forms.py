@@ -94,6 +94,19 @@ def test_a_crc_with_its_high_byte_first_holds_and_a_damaged_one_is_told_as_it_st
     assert (gap.detail["checksum_expected"], gap.detail["checksum_got"]) == (0x1EF7, 0x1EF6)
 
 
+def test_what_a_motor_sends_over_and_over_is_read_and_reproached_to_nobody() -> None:
+    for name, code, back in (("vesc", 0x16, False), ("heads", 8, True)):
+        says = said(name, code, b"\x00\x5a\x00\x5b", back=back)
+        asks = said(name, {"vesc": 4, "heads": 6}[name], b"" if name == "vesc" else b"\x07")
+        answers = said(name, {"vesc": 4, "heads": 6}[name], b"\x00\x01\x00\x02", back=back)
+        outcomes, values = told(name, says + asks + says + answers + says)
+        assert outcomes.count("ok") == 1
+        assert [raw for _, register, raw in values if register == "actual_angle"] == [91, 91, 2, 91]
+        assert wrong(name, says + asks + says + answers + says) == []
+        frames = heard(name, says)[0].frames
+        assert FORMS[name].op_name(int(frames.op[0])) in ("rotor_position", "stream")
+
+
 def test_a_damaged_packet_is_drawn_field_by_field_wherever_its_check_stands() -> None:
     for name, talk in (("vesc", "0205090ABA95001EF603"), ("ubtech", "FAAF0501786400 00E1ED")):
         batch = next(b for b in heard(name, bytes.fromhex(talk)) if len(b.gaps))

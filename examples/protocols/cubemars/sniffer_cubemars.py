@@ -78,6 +78,7 @@ FAMILY: Final = PacketFamily(
         0x09: _goal("set_pos", 0x09, "angle", "0.000001 degrees"),
         0x0A: _goal("set_handbrake", 0x0A, "current", "mA"),
         0x0B: Command("set_detect", Struct("what" / Byte, Terminated), NEVER),
+        0x16: Command("rotor_position", NONE, NEVER, answer=4, answer_at=0x1600),
         0x14: Command("terminal_command", Struct("data" / GreedyBytes), OPTIONAL),
         0x5B: Command("set_pos_spd", PATH, NEVER, at=0x5B00),
         0x5C: _goal("set_pos_multi", 0x5C, "angle", ""),
