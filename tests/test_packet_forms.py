@@ -26,7 +26,8 @@ from sniffer.protocols.explaining import pieces
 from sniffer.statistics.commands import CommandBook
 from tests.records import batches, gaps, records
 from tests.streams import chunked, damaged
-from tests.streams.forms import FORMS, SIZED, TALK, said
+from tests.streams.forms import FORMS, SIZED, said
+from tests.streams.formtalk import TALK
 
 
 @pytest.mark.parametrize("name", FORMS)
