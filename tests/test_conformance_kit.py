@@ -12,7 +12,7 @@ from sniffer.ground.codes import NEVER, REQUEST, RESPONSE
 from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Exchange, Talk, check, checks
-from tests.streams.forms import SIZED, said
+from tests.streams.forms import FORMS, SIZED, said
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -275,3 +275,15 @@ def test_a_talk_that_never_shows_what_is_said_once_it_is_done_is_told_so() -> No
 
 def test_a_done_answer_that_fits_any_request_is_seen_by_a_talk_that_shows_it() -> None:
     assert "done later fits any request" not in failing(SIZED, TRAVELS, "faults")
+
+
+def test_what_is_only_ever_said_unasked_is_shown_by_whom_it_was_told_to() -> None:
+    vesc = FORMS["vesc"]
+    says = said("vesc", 0x16, b"\x00\x5a\x00\x5b")
+    detect = Exchange("set_detect", said("vesc", 0x0B, b"\x03"), (), {}, (), later=(says,))
+    answer = said("vesc", 4, b"\x00\x01\x00\x02")
+    values = Exchange("get_values", said("vesc", 4), (answer,), None, ())
+    assert failing(vesc, [detect, values], "truth: done later") == ""
+    missing = failing(vesc, [detect, values], "coverage")
+    assert "rotor_position" not in missing
+    assert "not shown: set_pos well-formed" in missing

@@ -354,7 +354,7 @@ def test_what_the_docs_show_of_the_examples_stands_in_them() -> None:
 @pytest.fixture
 def everyone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have all examples looked for beside what is built in."""
-    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex", "lktech")
+    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex", "lktech", "cubemars")
     them = [*PROTOCOLS.values(), *(example(name).PROTOCOL for name in names)]
     monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: them)
 

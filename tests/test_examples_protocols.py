@@ -31,13 +31,14 @@ from sniffer.decoding import pairing
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
 from sniffer.ground.checksums import XOR8
-from sniffer.ground.codes import OK, OUTCOMES, REQUEST
+from sniffer.ground.codes import OK, REQUEST
 from sniffer.ground.framing import Block
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import MALFORMED, UNUSUAL, Batch, Chunk
+from sniffer.ground.model import MALFORMED, UNUSUAL, Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.packets import MUST, Command, Member
+from tests.members import heard, outcomes, protocol, values
 from tests.records import batches, gaps, records
 from tests.streams import chunked
 from tests.streams.members import (
@@ -46,7 +47,6 @@ from tests.streams.members import (
     NAMES,
     conversation,
     example,
-    joint,
     loaded,
     number,
     packet,
@@ -63,30 +63,6 @@ VECTORS: Final = [
     for name in ALL
     for vector in json.loads((EXAMPLES / name / "vectors.json").read_text(encoding="utf-8"))
 ]
-
-
-def protocol(name: str) -> Any:
-    return example(name).PROTOCOL
-
-
-def heard(name: str, *said: bytes, models: dict[int | None, str] | None = None) -> Batch:
-    """Return what one pass makes of bytes."""
-    decoder = Decoder(protocol(name), models=models)
-    first, last = decoder.feed(Chunk(b"".join(said))), decoder.close()
-    return last if len(last.frames) else first
-
-
-def values(name: str, batch: Batch) -> list[tuple[int, str, float]]:
-    """Return (servo id, register, value) of all samples, rounded as tables are."""
-    registers, v = protocol(name).registers, batch.values
-    return [
-        (int(who), registers[r].name, round(float(x), 3))
-        for who, r, x in zip(v.servo_id, v.register, v.value, strict=True)
-    ]
-
-
-def outcomes(batch: Batch) -> list[str]:
-    return [OUTCOMES[k] for k in batch.transactions.outcome]
 
 
 @pytest.mark.parametrize(
@@ -258,47 +234,6 @@ def test_stuffed_bytes_are_taken_out_of_values_and_left_in_frames() -> None:
     batch = heard("dynamixel2", said, packet("dynamixel2", 2, 3, b"\x74\x00\x01\x00\x00\x00"))
     assert int(batch.frames.length[0]) == len(said)
     assert batch.values.raw.tolist() == [0x00FDFFFF, 1]
-
-
-def test_one_packet_that_answers_for_all_gives_each_servo_its_values() -> None:
-    ask = packet("dynamixel2", 254, 0x8A, b"\x84\x00\x04\x00\x03\x07\x04")
-    data = [(3, b"\xa6\x00\x00\x00"), (7, b"\x1f\x08\x00\x00"), (4, b"\xff\x03\x00\x00")]
-    answer = joint([(who, 0, x) for who, x in data])
-    assert answer[5:7] == b"\x19\x00"  # as the manual's example of three servos has it: 25
-    batch = heard("dynamixel2", ask, answer)
-    assert outcomes(batch) == ["ok"]
-    assert values("dynamixel2", batch) == [
-        (3, "present_position", 14.59),
-        (7, "present_position", 182.725),
-        (4, "present_position", 89.912),
-    ]
-
-
-@pytest.mark.parametrize("cut", [0, 1, 4])
-@pytest.mark.parametrize("who", [254, 3])
-def test_the_oracle_reads_one_packet_that_answers_for_all_as_the_columns_do(
-    who: int, cut: int
-) -> None:
-    ask = packet("dynamixel2", 254, 0x8A, b"\x84\x00\x04\x00\x03\x07\x04")
-    data = [(3, b"\xa6\x00\x00\x00"), (7, b"\x1f\x08\x00\x00"), (4, b"\xff\x03\x00\x00"[cut:])]
-    whole = joint([(servo, 0, x) for servo, x in data])
-    # who answers for all has the id of all; a servo's own, or a byte too few, answers nobody
-    answer = packet("dynamixel2", who, 0x55, whole[8:-2], stuffed=False)
-    chunks, p = [Chunk(ask + answer)], protocol("dynamixel2")
-    got, want = records(batches(Decoder(p), [chunks])), Reference(p).decode(chunks)
-    assert (got.frames, got.transactions) == (want.frames, want.transactions)
-    assert got.samples == want.samples
-    assert len(got.samples) == (3 if who == 254 and not cut else 0)
-
-
-def test_stuffing_is_not_taken_out_of_what_answers_for_all() -> None:
-    ask = packet("dynamixel2", 254, 0x8A, b"\x84\x00\x04\x00\x01\x02")
-    answer = joint([(1, 0, b"\xff\xff\xfd\xfd"), (2, 0, b"\x01\x00\x00\x00")])
-    batch = heard("dynamixel2", ask, answer)
-    assert batch.values.raw.tolist() == [
-        int.from_bytes(b"\xff\xff\xfd\xfd", "little", signed=True),
-        1,
-    ]
 
 
 def test_who_was_not_asked_answers_no_sync_read() -> None:

@@ -15,18 +15,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.drawing import draw_gap
+from sniffer.decoding.drawing import draw_frame, draw_gap
 from sniffer.decoding.reference import Reference
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
+from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from sniffer.protocols.explaining import pieces
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
 from tests.records import batches, gaps, records
 from tests.streams import chunked, damaged
-from tests.streams.forms import FORMS, SIZED, TALK, said
+from tests.streams.forms import FORMS, SIZED, said
+from tests.streams.formtalk import TALK
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -93,6 +95,35 @@ def test_a_crc_with_its_high_byte_first_holds_and_a_damaged_one_is_told_as_it_st
     assert batch.frames.length.tolist() == [10, 10]
     (gap,) = FORMS["vesc"].explain(far[:-2] + b"\xf6\x03", 0)
     assert (gap.detail["checksum_expected"], gap.detail["checksum_got"]) == (0x1EF7, 0x1EF6)
+
+
+def test_the_field_that_a_checksum_is_in_is_known_wherever_it_stands() -> None:
+    for name, field in (
+        ("vesc", "crc"),
+        ("ubtech", "checksum"),
+        ("behind", "sum"),
+        ("some", "front"),
+    ):
+        talk = b"".join(TALK[name][:1])
+        batch = next(b for b in heard(name, talk) if len(b.frames))
+        drawn = [draw_frame(batch, FORMS[name], i) for i in range(len(batch.frames))]
+        assert drawn[-1].sealed == field
+    lss, bare = PROTOCOLS["lss"], Decoder("lss")
+    batch = bare.feed(Chunk(b"#1D200\r"))
+    assert draw_frame(batch, lss, 0).sealed == ""
+
+
+def test_what_a_motor_sends_over_and_over_is_read_and_reproached_to_nobody() -> None:
+    for name, code, back in (("vesc", 0x16, False), ("heads", 8, True)):
+        says = said(name, code, b"\x00\x5a\x00\x5b", back=back)
+        asks = said(name, {"vesc": 4, "heads": 6}[name], b"" if name == "vesc" else b"\x07")
+        answers = said(name, {"vesc": 4, "heads": 6}[name], b"\x00\x01\x00\x02", back=back)
+        outcomes, values = told(name, says + asks + says + answers + says)
+        assert outcomes.count("ok") == 1
+        assert [raw for _, register, raw in values if register == "actual_angle"] == [91, 91, 2, 91]
+        assert wrong(name, says + asks + says + answers + says) == []
+        frames = heard(name, says)[0].frames
+        assert FORMS[name].op_name(int(frames.op[0])) in ("rotor_position", "stream")
 
 
 def test_a_damaged_packet_is_drawn_field_by_field_wherever_its_check_stands() -> None:

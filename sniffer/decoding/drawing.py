@@ -31,9 +31,9 @@ class Drawn:
     """Bytes with what they are.
 
     ``title`` says it in a line; ``spans`` are the fields, none where nothing tells them; ``values``
-    are registers in words, ``checksum`` is its arithmetic, ``outcome`` what became of the exchange,
-    all empty where there is none. ``known`` is what is known of bytes that are no frame, and
-    ``wrong`` the name of the field that does not hold.
+    are registers in words, ``checksum`` is its arithmetic and ``sealed`` the name of the field that
+    it is in, ``outcome`` what became of the exchange, all empty where there is none. ``known`` is
+    what is known of bytes that are no frame, ``wrong`` the name of the field that does not hold.
     """
 
     offset: int
@@ -47,6 +47,7 @@ class Drawn:
     outcome: str = ""
     known: Mapping[str, Any] | None = None
     wrong: str = ""
+    sealed: str = ""
 
     @property
     def lines(self) -> list[str]:
@@ -79,17 +80,33 @@ def draw_frame(batch: Batch, protocol: BusProtocol, i: int) -> Drawn:
     who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
     t = batch.transactions
     became = [OUTCOMES[o].replace("_", " ") for o in t.outcome[t.response == i].tolist()]
+    spans = tuple(protocol.dissect(raw, row))
     return Drawn(
         batch.base + start,
         raw,
         int(f.t_end[i]),
         f"{kind}: {protocol.op_name(row.op)}{who}",
         holds=True,
-        spans=tuple(protocol.dissect(raw, row)),
+        spans=spans,
         values=tuple(_values(batch, protocol, i)),
         checksum=_checksum(protocol, raw),
         outcome=", ".join(became),
+        sealed=_sealed(protocol, raw, spans),
     )
+
+
+def _sealed(protocol: BusProtocol, raw: bytes, spans: tuple[FieldSpan, ...]) -> str:
+    """Return the name of the field that the checksum is in: another byte there changes it alone."""
+    found = protocol.checksum_of(raw)
+    if found is None:
+        return ""
+    for span in reversed(spans):
+        at = span.offset
+        other = raw[:at] + bytes([raw[at] ^ 0xFF]) + raw[at + 1 :]
+        changed = protocol.checksum_of(other)
+        if changed is not None and changed[1] == found[1] and changed[2] != found[2]:
+            return span.name
+    return ""
 
 
 def draw_gap(batch: Batch, protocol: BusProtocol, gap: Gap) -> Drawn:

@@ -53,7 +53,7 @@ def _boxes(piece: Drawn) -> Iterator[Markup]:
 
 def _field(piece: Drawn, span: FieldSpan) -> Markup:
     raw = piece.raw[span.offset : span.offset + span.length]
-    if piece.checksum and span is piece.spans[-1] and piece.holds:
+    if piece.checksum and span.name == piece.sealed and piece.holds:
         return _box(raw, span.name, "holds", piece.checksum)
     if span.name != piece.wrong or piece.known is None:
         return _box(raw, span.name, span.value, span.note)

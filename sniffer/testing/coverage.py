@@ -35,13 +35,16 @@ class Goal(NamedTuple):
 
 
 def commands_of(protocol: BusProtocol, talk: Talk) -> list[str]:
-    """Return the names of all commands: as declared by the protocol, else by the talk."""
+    """Return the names of all commands: as declared by the protocol, else by the talk.
+
+    What a servo only says of its own accord is no request that a talk could show.
+    """
     family = getattr(protocol, "family", None)
     declared = getattr(protocol, "commands", getattr(family, "commands", None))
     names: Iterable[str] = talk.commands
     if declared is not None and not talk.commands:
         table = declared.values() if hasattr(declared, "values") else declared
-        names = (getattr(c, "name", c) for c in table)
+        names = (getattr(c, "name", c) for c in table if not getattr(c, "on_its_own", False))
     return list(dict.fromkeys([*names, *(() if names else (e.name for e in talk.exchanges))]))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from construct import Container
 
-from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, RESPONSE
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, ON_ITS_OWN, OPTIONAL, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import frame_by_plan, frame_by_two_plans
 from sniffer.ground.model import (
@@ -69,6 +69,7 @@ class FamilyColumns:
         self._spaces, self._strides = np.zeros(256, np.int64), np.ones(256, np.int64)
         self._answer_at = np.full(256, -1, np.int64)
         self.lists, self.together, self._asks, self._repeats = np.zeros((4, 256), bool)
+        self._own = np.zeros(256, bool)
         for code in self.shapes:
             self._enter(code)
         # whether anything stands between an address and the data
@@ -116,6 +117,7 @@ class FamilyColumns:
         self._spaces[code], self._strides[code] = command.space, command.stride
         self._answer_at[code], self._repeats[code] = command.answer_at, command.repeats
         self.together[code] = command.together
+        self._own[code] = self.family.echoes and command.on_its_own
         if shape.targets is not None:
             self.lists[code] = not shape.brings_several
             self._target[code], self._step_data[code] = shape.targets.size, shape.targets.data
@@ -258,6 +260,8 @@ class FamilyColumns:
             token = np.where(again, count, token)
             token |= np.where((token > 0) | again | ~request, by << 8, 0)
             address = np.where(request, address, self._answer_at[by])
+        own = ~request & self._own[by]
+        token[own] = ON_ITS_OWN
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
         if self.told is not None:
@@ -290,7 +294,7 @@ class FamilyColumns:
             length=end - start,
             kind=(~request).view(np.uint8),  # REQUEST is 0, RESPONSE 1
             servo_id=servo_id,
-            op=np.where(request, by, -1 if self.told is None else self.told.asked[by]),
+            op=np.where(request | own, by, -1 if self.told is None else self.told.asked[by]),
             address=address,
             data_start=start + self.plan.tail_at + held,
             data_length=data_length if as_sent else np.where(brings_none, 0, wire - held),

@@ -64,6 +64,7 @@ class Command:
 
     - ``answer``: how many data bytes it has, where no ``length`` asks for them. ANY: as many as the
       register, which the request does not say; that wants ``answer_code`` or ``answer_header``.
+      With a reply of NEVER the servo says it of its own accord.
     - ``feedback``: the grammar of its own behind the code; that wants one of the two as well.
     - ``repeats``: it is the same packet once more; that wants ``echoes``.
     - ``together``: one packet answers for all targets, each with error, id, data and, but for the
@@ -95,6 +96,11 @@ class Command:
     repeats: bool = False
     feedback: Any = None
     later: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    @property
+    def on_its_own(self) -> bool:
+        """Whether its answer is one that nobody asks for: a motor sends it over and over."""
+        return self.reply == NEVER == self.to_all and self.answer != 0
 
 
 class Stuffing(Protocol):

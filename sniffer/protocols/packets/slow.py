@@ -118,6 +118,8 @@ class Slow:
         if self.family.echoes:
             command = self.family.commands[code]
             out.token, out.address = code << 8 | len(params), command.answer_at
+            if command.on_its_own:
+                out.token, out.op = ON_ITS_OWN, code
             if command.repeats:
                 out.data = b""  # it says nothing new
             return
@@ -190,6 +192,8 @@ class Slow:
             said = int.from_bytes(params[place[name] : place[name] + width], "little")
             if said in values:
                 out.token = ON_ITS_OWN
+        if command is not None and command.on_its_own:
+            out.token = ON_ITS_OWN
 
     def _command(self, out: SlowFrame, command: Command, fields: Any, params: bytes) -> None:
         """Read what a command wants, and what it changes."""

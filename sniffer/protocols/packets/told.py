@@ -134,6 +134,7 @@ class ToldAnswers:
         self._at = {code: command.answer_at for code, command in told.items()}
         self._any = {code for code, command in told.items() if command.answer == ANY}
         self._later = {code: command.later for code, command in told.items()}
+        self._own = {code for code, command in told.items() if command.on_its_own}
         self.states_address = any("address" in s.at for s in self.shapes.values())
         self._known = np.isin(np.arange(256), [*self.shapes])
         self._key, self._names_it = np.zeros(256, np.int64), np.zeros(256, bool)
@@ -211,3 +212,5 @@ class ToldAnswers:
             said = shape.field(name, data, at, count)
             if said is not None:
                 token[rows[good & np.isin(said, values)]] = ON_ITS_OWN
+        if code in self._own:
+            token[rows[good]] = ON_ITS_OWN
