@@ -40,6 +40,7 @@ from sniffer.sources.several import name_of
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap run.pcapng",
         "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert --together run-001.mcap run-002.mcap -o run.csv",
         "sniffer convert run.mcap plot.mcap --topics flat",
         "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
         "sniffer convert run.mcap shared.mcap --anonymise",
@@ -52,6 +53,12 @@ from sniffer.sources.several import name_of
     "-o", "--output", "also", metavar="OUT", multiple=True, type=click.Path(path_type=Path),
     help="The same as OUT, as other commands have it.",
 )  # fmt: skip
+@click.option(
+    "--together",
+    is_flag=True,
+    help="Several FILEs, and each OUT behind -o: they are one capture, read in the order of their "
+    "times, as decode takes them, such as those of a rotation.",
+)
 @with_part
 @with_rows
 @decoding
@@ -77,6 +84,7 @@ def convert(
     file: str,
     outputs: tuple[Path, ...],
     also: tuple[Path, ...],
+    together: bool,
     options: Options,
     input_format: str,
     wide: bool,
@@ -100,15 +108,21 @@ def convert(
     Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
     written).
     """
-    if also and any(out.exists() for out in outputs):  # convert run-*.mcap -o all.mcap
-        there = next(out for out in outputs if out.exists())
+    files = (file, *map(str, outputs)) if together else (file,)
+    if together:
+        outputs = ()
+    elif (read := _taken_for_out(file, outputs, also)) is not None:
         raise click.UsageError(
-            f"FILE is one capture, and {name_of(str(there))} would be written, not read; "
-            "`sniffer merge A B -o OUT` makes one recording of several"
+            f"FILE is one capture, and {name_of(str(read))} would be written, not read; "
+            "`sniffer merge A B -o OUT` makes one recording of several, --together reads several "
+            "as one capture"
         )
     outputs = (*outputs, *also)
     if not outputs:
-        raise click.UsageError("name OUT, a file whose suffix says what to make: run.mcap, run.csv")
+        where = "behind -o, " if together else ""
+        raise click.UsageError(
+            f"name OUT, {where}a file whose suffix says what to make: run.mcap, run.csv"
+        )
     if hold and not wide:
         raise click.UsageError("--hold goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
@@ -117,9 +131,9 @@ def convert(
         raise click.UsageError("--topics is about a recording: name an .mcap")
     if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
-    with patient() as patience, bytes_of(name_of(file)):
+    with patient() as patience, bytes_of(name_of(files)):
         done = made(
-            file,
+            files,
             outputs,
             options,
             input_format=input_format,
@@ -137,3 +151,19 @@ def convert(
         say_selected(done.summary, tell)
         tell.talk(wrote(outputs))
     return status
+
+
+def _taken_for_out(file: str, outputs: tuple[Path, ...], also: tuple[Path, ...]) -> Path | None:
+    """Return the first of the captures that a shell put for a pattern: they stand where OUT does.
+
+    With all that is to be made behind -o it is any file that is there; else one of several OUTs
+    that is of FILE's form: to make that of FILE is nothing that somebody asks for.
+    """
+    if also:
+        there = [out for out in outputs if out.exists()]
+    elif len(outputs) > 1:
+        kind = Path(file).suffix
+        there = [out for out in outputs if out.suffix == kind and out.exists()]
+    else:
+        there = []
+    return there[0] if there else None

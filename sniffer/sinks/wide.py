@@ -47,6 +47,7 @@ class WideSink:
         self._hold = hold
         self._file = open_binary(path)
         self._columns: dict[tuple[int, str], int] = {}
+        self._placed: dict[tuple[int, str], tuple[str, int]] = {}
         self._buses: dict[str, int] = {}
         self._n = 0
         self._rows = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
@@ -79,7 +80,11 @@ class WideSink:
         for key in keys.tolist():
             name = names[key & 0xFFFFFFFF]
             assert name is not None, "only quantities are kept"
-            known.append(self._columns.setdefault((key >> 32, name), len(self._columns)))
+            column = (key >> 32, name)
+            known.append(self._columns.setdefault(column, len(self._columns)))
+            # as tables of registers have it: the order in which all was heard is that of batches
+            place_of = (protocol.name, key & 0xFFFFFFFF)
+            self._placed[column] = min(self._placed.get(column, place_of), place_of)
         values["column"] = np.array(known, np.int32)[key_of]
         self._n += len(frames)
         with writing(self._path):
@@ -89,7 +94,7 @@ class WideSink:
     def close(self) -> None:
         """Make the table."""
         with writing(self._path), self._file, self._rows, self._values:
-            order = sorted(self._columns, key=lambda c: (c[0], self._columns[c]))
+            order = sorted(self._columns, key=lambda c: (c[0], self._placed[c]))
             names = [f"{servo}.{name}" for servo, name in order]
             kind = pa.dictionary(pa.int32(), pa.string())
             is_csv = self._path.suffix.lower() == ".csv"
