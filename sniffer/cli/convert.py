@@ -22,6 +22,7 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
+from sniffer.ground.amounts import time_in
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.session import bytes_of
@@ -30,7 +31,18 @@ from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
+from sniffer.sinks.spaced import FINEST_NS
 from sniffer.sources.several import name_of
+
+
+def _step(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
+    """Read ``--every``."""
+    if given is None:
+        return None
+    ns = time_in(given, bare=True, least=FINEST_NS)
+    if ns is None:
+        raise click.BadParameter(f"{given[:40]!r}: write a time such as 20ms, from 1ms on")
+    return ns
 
 
 @click.command(
@@ -40,6 +52,7 @@ from sniffer.sources.several import name_of
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap run.pcapng",
         "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert run.mcap at-50-hz.csv --wide --hold --every 20ms",
         "sniffer convert --together run-001.mcap run-002.mcap -o run.csv",
         "sniffer convert run.mcap plot.mcap --topics flat",
         "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
@@ -71,6 +84,13 @@ from sniffer.sources.several import name_of
 )
 @click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
 @click.option(
+    "--every",
+    "every_ns",
+    callback=_step,
+    metavar="TIME",
+    help="With --wide: a row each such step of time, with the last values said in it: 20ms.",
+)
+@click.option(
     "--topics", callback=topics_of, metavar="TOPIC,...",
     help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
     "quantity of a servo, for plots that take what was not said for 0; plots, positions that "
@@ -89,6 +109,7 @@ def convert(
     input_format: str,
     wide: bool,
     hold: bool,
+    every_ns: int | None,
     topics: tuple[str, ...] | None,
     joints: tuple[RosJoint, ...] | None,
     anonymise: bool,
@@ -123,8 +144,9 @@ def convert(
         raise click.UsageError(
             f"name OUT, {where}a file whose suffix says what to make: run.mcap, run.csv"
         )
-    if hold and not wide:
-        raise click.UsageError("--hold goes with --wide")
+    for name, is_given in (("--hold", hold), ("--every", every_ns is not None)):
+        if is_given and not wide:
+            raise click.UsageError(f"{name} goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
     if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
@@ -138,7 +160,7 @@ def convert(
             options,
             input_format=input_format,
             overwrite=force,
-            wide=Wide(hold) if wide else None,
+            wide=Wide(hold, every_ns) if wide else None,
             contents=Contents(topics, joints) if joints is not None or topics else None,
             anonymise=anonymise,
             selection=selection,
