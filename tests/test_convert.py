@@ -353,7 +353,9 @@ def test_parts_that_a_shell_put_for_a_pattern_are_not_replaced(
     first, second = tmp_path / "run-1.mcap", tmp_path / "run-2.mcap"
     for part in (first, second):
         part.write_bytes(b"kept")
-    ran = within(capsys, "convert", first, second, "-o", tmp_path / "all.mcap", "--force")
-    assert ran.status == 2
-    assert "run-2.mcap would be written, not read; `sniffer merge" in ran.err
-    assert second.read_bytes() == b"kept"
+    for out in (("-o", tmp_path / "all.mcap"), (tmp_path / "all.csv",)):
+        ran = within(capsys, "convert", first, second, *out, "--force")
+        assert ran.status == 2
+        assert "run-2.mcap would be written, not read; `sniffer merge" in ran.err
+        assert "--together reads several as one capture" in ran.err
+        assert second.read_bytes() == b"kept"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -12,6 +13,7 @@ import sniffer
 from sniffer.decoding.fields import tidy
 from sniffer.decoding.rows import SampleRow
 from sniffer.mcapfile.fields import state_field
+from sniffer.sinks.spaced import Spaced
 from tests.commands import log, talk, within
 from tests.test_convert import CAPTURES, LOG, Capsys
 
@@ -101,3 +103,90 @@ def test_a_wide_table_larger_than_a_piece_is_the_same(
     monkeypatch.setattr("sniffer.sinks.wide.CELLS", 200)
     assert within(capsys, "convert", LOG, tmp_path / "x.csv", "--wide", "--hold").status == 0
     assert rows_of(tmp_path / "x.csv") == expected(LOG, hold=True)
+
+
+STEP_NS = 20_000_000
+
+
+def on_a_grid(source: Path, *, hold: bool) -> dict[tuple[str, int], dict[str, float]]:
+    """Return what each row of a grid has, made of the values one by one."""
+    plain = expected(source, hold=False)
+    out: dict[tuple[str, int], dict[str, float]] = {}
+    for bus in {str(row["bus"]) for row in plain}:
+        mine = [row for row in plain if row["bus"] == bus]
+        last: dict[str, float] = {}
+        slots: dict[int, dict[str, float]] = {}
+        for row in mine:
+            said = {k: float(v) for k, v in row.items() if isinstance(v, float | int)}
+            at = -(-int(said.pop("t_ns")) // STEP_NS) * STEP_NS
+            slots[at] = slots.get(at, {}) | said
+        for at in range(min(slots), max(slots) + 1, STEP_NS):
+            last = (last if hold else {}) | slots.get(at, {})
+            out[bus, at] = last
+    return out
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize(
+    ("name", "suffix"), [("mightyzap_damaged.log", ".csv"), ("wck_damaged.log", ".parquet")]
+)
+def test_a_wide_table_at_50_hz_has_what_was_said_last_in_each_step(
+    name: str, suffix: str, hold: bool, tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / f"x{suffix}"
+    how = ["--wide", "--every", "20ms", *(["--hold"] if hold else [])]
+    ran = within(capsys, "convert", CAPTURES / name, out, *how)
+    assert ran.status == 0, ran.err
+    rows = rows_of(out)
+    got = {
+        (str(row["bus"]), int(row["t_ns"] or 0)): {
+            k: v for k, v in row.items() if k not in ("bus", "t_ns") and v is not None
+        }
+        for row in rows
+    }
+    assert len(got) == len(rows) > 200
+    assert got == on_a_grid(CAPTURES / name, hold=hold)
+
+
+def test_rows_a_step_apart_do_not_depend_on_how_the_values_come() -> None:
+    times = np.array([3, 17, 21, 65, 65, 141]) * 1_000_000
+    columns = np.array([0, 0, 1, 0, 1, 1])
+    values = np.arange(6.0)
+
+    def rows(cuts: list[int]) -> list[tuple[int, dict[int, float]]]:
+        spaced, out = Spaced(STEP_NS), []
+        pieces = [np.split(part, cuts) for part in (times, columns, values)]
+        made = [spaced.take(*piece) for piece in zip(*pieces, strict=True) if len(piece[0])]
+        for t_ns, row, column, value in [*made, spaced.rest()]:
+            told: list[dict[int, float]] = [{} for _ in t_ns]
+            for nth, which, said in zip(row, column, value, strict=True):
+                told[nth][int(which)] = float(said)
+            out += list(zip((t_ns // 1_000_000).tolist(), told, strict=True))
+        return out
+
+    want: list[tuple[int, dict[int, float]]] = [
+        (20, {0: 1.0}), (40, {1: 2.0}), (60, {}), (80, {0: 3.0, 1: 4.0}),
+        (100, {}), (120, {}), (140, {}), (160, {1: 5.0}),
+    ]  # fmt: skip
+    for cuts in ([], [1], [2, 3], [1, 2, 3, 4, 5], [4]):
+        assert rows(cuts) == want, cuts
+
+
+def test_a_clock_that_leaps_by_years_makes_no_endless_table(tmp_path: Path, capsys: Capsys) -> None:
+    source = tmp_path / "leap.log"
+    lines = log(talk(6)).splitlines(keepends=True)
+    late = [line.replace("(1", "(3", 1) for line in lines]
+    source.write_text("".join(lines + late))
+    how = ("--wide", "--every", "20ms")
+    ran = within(capsys, "convert", source, tmp_path / "x.csv", *how)
+    assert ran.status == 2
+    assert "the clock leaps by 2e+09 s; take a part with --from and --to" in ran.err
+
+
+@pytest.mark.parametrize("given", ["20", "0.1ms", "often"])
+def test_a_step_that_is_none_or_goes_without_a_wide_table_is_refused(
+    given: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "convert", LOG, tmp_path / "x.csv", "--every", given)
+    assert ran.status == 2
+    assert ("--every goes with --wide" if given == "20" else "write a time such as") in ran.err

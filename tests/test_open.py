@@ -170,6 +170,16 @@ def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: Ca
     assert line_of(place, index) == line - 1
 
 
+def test_a_place_before_the_end_waits_until_the_end_was_read(index: CaptureIndex) -> None:
+    lines = index.lines
+    line = line_of("-2s", index)
+    end = int(lines["t"].max())
+    assert int(lines["t"][line - 1]) < end - 2_000_000_000 <= int(lines["t"][line])
+    assert line_of("-1h", index) == 0
+    with pytest.raises(InputError, match="-2s: the end was not read yet"):
+        line_of("-2s", index, is_read=False)
+
+
 @pytest.mark.parametrize("exchanges", [False, True])
 def test_the_first_error_is_that_of_the_lines_shown(exchanges: bool, index: CaptureIndex) -> None:
     view = LineView(index)

@@ -65,6 +65,27 @@ def test_the_bytes_of_parts_are_copied_beside_what_is_decoded(
     assert again.out.splitlines()[-1] == decoded.read_text().splitlines()[-1]
 
 
+@pytest.mark.parametrize("made", [("x.csv", "--wide", "--hold"), ("x.csv",), ("x.log",)])
+def test_what_is_made_of_parts_together_is_what_is_made_of_the_whole(
+    made: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    name, *how = made
+    whole, several = tmp_path / f"whole-{name}", tmp_path / f"several-{name}"
+    assert within(capsys, "convert", CAPTURE, whole, *how).status == 0
+    pieces = parts(tmp_path, (333, 900))
+    ran = within(capsys, "convert", "--together", *pieces, "-o", several, *how)
+    assert ran.status == 0, ran.err
+    assert several.read_text() == whole.read_text() != ""
+
+
+def test_parts_together_without_a_file_to_make_are_refused(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "convert", "--together", *parts(tmp_path, (333, 900)))
+    assert ran.status == 2
+    assert ran.complaint == (
+        "name OUT, behind -o, a file whose suffix says what to make: run.mcap, run.csv"
+    )
+
+
 def test_parts_are_drawn_as_the_whole_is(tmp_path: Path, capsys: Capsys) -> None:
     drawn = []
     for number, files in enumerate(([CAPTURE], parts(tmp_path, (333, 900)))):

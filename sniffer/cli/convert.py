@@ -22,6 +22,7 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
+from sniffer.ground.amounts import time_in
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.session import undecided_of
@@ -30,7 +31,18 @@ from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
+from sniffer.sinks.spaced import FINEST_NS
 from sniffer.sources.several import name_of
+
+
+def _step(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
+    """Read ``--every``."""
+    if given is None:
+        return None
+    ns = time_in(given, bare=True, least=FINEST_NS)
+    if ns is None:
+        raise click.BadParameter(f"{given[:40]!r}: write a time such as 20ms, from 1ms on")
+    return ns
 
 
 @click.command(
@@ -40,6 +52,8 @@ from sniffer.sources.several import name_of
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap run.pcapng",
         "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert run.mcap at-50-hz.csv --wide --hold --every 20ms",
+        "sniffer convert --together run-001.mcap run-002.mcap -o run.csv",
         "sniffer convert run.mcap plot.mcap --topics flat",
         "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
         "sniffer convert run.mcap shared.mcap --anonymise",
@@ -52,6 +66,12 @@ from sniffer.sources.several import name_of
     "-o", "--output", "also", metavar="OUT", multiple=True, type=click.Path(path_type=Path),
     help="The same as OUT, as other commands have it.",
 )  # fmt: skip
+@click.option(
+    "--together",
+    is_flag=True,
+    help="Several FILEs, and each OUT behind -o: they are one capture, read in the order of their "
+    "times, as decode takes them, such as those of a rotation.",
+)
 @with_part
 @with_rows
 @decoding
@@ -63,6 +83,13 @@ from sniffer.sources.several import name_of
     "was said.",
 )
 @click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
+@click.option(
+    "--every",
+    "every_ns",
+    callback=_step,
+    metavar="TIME",
+    help="With --wide: a row each such step of time, with the last values said in it: 20ms.",
+)
 @click.option(
     "--topics", callback=topics_of, metavar="TOPIC,...",
     help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
@@ -77,10 +104,12 @@ def convert(
     file: str,
     outputs: tuple[Path, ...],
     also: tuple[Path, ...],
+    together: bool,
     options: Options,
     input_format: str,
     wide: bool,
     hold: bool,
+    every_ns: int | None,
     topics: tuple[str, ...] | None,
     joints: tuple[RosJoint, ...] | None,
     anonymise: bool,
@@ -100,31 +129,38 @@ def convert(
     Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
     written).
     """
-    if also and any(out.exists() for out in outputs):  # convert run-*.mcap -o all.mcap
-        there = next(out for out in outputs if out.exists())
+    files = (file, *map(str, outputs)) if together else (file,)
+    if together:
+        outputs = ()
+    elif (read := _taken_for_out(file, outputs, also)) is not None:
         raise click.UsageError(
-            f"FILE is one capture, and {name_of(str(there))} would be written, not read; "
-            "`sniffer merge A B -o OUT` makes one recording of several"
+            f"FILE is one capture, and {name_of(str(read))} would be written, not read; "
+            "`sniffer merge A B -o OUT` makes one recording of several, --together reads several "
+            "as one capture"
         )
     outputs = (*outputs, *also)
     if not outputs:
-        raise click.UsageError("name OUT, a file whose suffix says what to make: run.mcap, run.csv")
-    if hold and not wide:
-        raise click.UsageError("--hold goes with --wide")
+        where = "behind -o, " if together else ""
+        raise click.UsageError(
+            f"name OUT, {where}a file whose suffix says what to make: run.mcap, run.csv"
+        )
+    for name, is_given in (("--hold", hold), ("--every", every_ns is not None)):
+        if is_given and not wide:
+            raise click.UsageError(f"{name} goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
     if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--topics is about a recording: name an .mcap")
     if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
-    with patient() as patience, undecided_of(name_of(file)):
+    with patient() as patience, undecided_of(name_of(files)):
         done = made(
-            file,
+            files,
             outputs,
             options,
             input_format=input_format,
             overwrite=force,
-            wide=Wide(hold) if wide else None,
+            wide=Wide(hold, every_ns) if wide else None,
             contents=Contents(topics, joints) if joints is not None or topics else None,
             anonymise=anonymise,
             selection=selection,
@@ -137,3 +173,19 @@ def convert(
         say_selected(done.summary, tell)
         tell.talk(wrote(outputs))
     return status
+
+
+def _taken_for_out(file: str, outputs: tuple[Path, ...], also: tuple[Path, ...]) -> Path | None:
+    """Return the first of the captures that a shell put for a pattern: they stand where OUT does.
+
+    With all that is to be made behind -o it is any file that is there; else one of several OUTs
+    that is of FILE's form: to make that of FILE is nothing that somebody asks for.
+    """
+    if also:
+        there = [out for out in outputs if out.exists()]
+    elif len(outputs) > 1:
+        kind = Path(file).suffix
+        there = [out for out in outputs if out.suffix == kind and out.exists()]
+    else:
+        there = []
+    return there[0] if there else None

@@ -299,7 +299,7 @@ class LookingGlass(App[None]):
         """Go where the cursor is to begin, as soon as that was read."""
         is_read = self.reading.done
         try:
-            line = line_of(self._start, self.index, view=self.view)
+            line = line_of(self._start, self.index, view=self.view, is_read=is_read)
         except InputError as error:
             if is_read and not self.view.is_behind:
                 self._start = ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.diagnostics.found import CODES, SEVERITY
 from sniffer.ground.model import InputError
-from sniffer.selection.places import FOUND, CapturePlace, ambiguous, place_in
+from sniffer.selection.places import END, FOUND, CapturePlace, ambiguous, place_in
 
 if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 
 def line_of(
-    text: str, index: CaptureIndex, bus: int | None = None, view: LineView | None = None
+    text: str,
+    index: CaptureIndex,
+    bus: int | None = None,
+    view: LineView | None = None,
+    *,
+    is_read: bool = True,
 ) -> int:
     """Return the line that a place means, the one behind it where none is exactly there.
 
@@ -26,6 +31,7 @@ def line_of(
         index: the capture.
         bus: whose bytes an offset counts where it names none; None: nobody looks at any.
         view: the lines that are shown: the first error is one of theirs; None: of all.
+        is_read: whether there will be no more lines, so that the last one is the end.
 
     Raises:
         InputError: it is no place, or lies outside of the capture, or several buses have it.
@@ -38,6 +44,11 @@ def line_of(
         return _within(int(found[1]) - 1, len(lines), text)
     byte = re.fullmatch(r"@(\d+)", text)
     place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
+    if place.sought == END:
+        if not is_read:
+            raise InputError(f"{place.text}: the end was not read yet")
+        before = int(lines["t"].max()) - place.number
+        return _within(int(np.searchsorted(lines["t"], before, "left")), len(lines), text)
     if place.kind == FOUND:
         return _sought(place, index, bus, view)
     t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)

@@ -19,7 +19,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.selection.columns import Rows
-from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
+from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
@@ -157,9 +157,12 @@ def _look(finder: _Finder, opened: Source, options: Options) -> None:
                 break
     if not finder.is_done:
         pipeline.close()
+        finder.close()
 
 
 def _words(place: CapturePlace) -> str:
+    if place.sought == END:
+        return f"{place.number / 1e9:g} s before its end"
     return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
 
 
@@ -173,6 +176,7 @@ class _Finder:
         self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
         """Of anomalies that are found the bus, the first byte, and what they say."""
         self._anomalies = 0
+        self._last_ns: int | None = None
         self._met = dict.fromkeys(self._places, 0)
         """How many anomalies of the kind that a place names were there so far."""
         self._of_any = [p for p in self._places if p.sought == "byte" and not p.bus]
@@ -213,6 +217,8 @@ class _Finder:
         return place.found(self._times[place])
 
     def _missing(self, place: CapturePlace) -> str:
+        if place.sought == END:
+            return "the capture has no record"
         if place.sought == "byte":
             return (
                 f"no record of {f'bus {place.bus}' if place.bus else 'the capture'} has this byte"
@@ -232,6 +238,8 @@ class _Finder:
         mine = np.ones(len(found), bool)
         if self._among is not None:
             mine = self._among.mask("anomalies", Rows(bus, protocol, batch))
+        ends = [int(t.max()) for t in (batch.frames.t_end, Gaps.of(batch.gaps).t_ns) if len(t)]
+        self._last_ns = max((t for t in (self._last_ns, *ends) if t is not None), default=None)
         for place in self._places:
             if place not in self._times:
                 t_ns = self._in(place, bus, batch, found, mine)
@@ -244,6 +252,8 @@ class _Finder:
     ) -> int | None:
         if place.sought == "byte":
             return time_at(batch, place.number) if place.bus in ("", bus) else None
+        if place.sought == END:  # known when there is no more
+            return None
         if place.sought == "anomaly":
             nth = place.number - 1 - self._anomalies
             return self._take(place, bus, found, nth) if nth < len(found) else None
@@ -263,7 +273,10 @@ class _Finder:
         return int(found.t_ns[nth])
 
     def close(self) -> None:
-        """Do nothing."""
+        """Count back from the last record; a longer time than there is begins with the capture."""
+        if self._last_ns is not None:
+            for place in (place for place in self._places if place.sought == END):
+                self._times[place] = self._last_ns - place.number
 
 
 def time_at(batch: Batch, offset: int) -> int | None:

@@ -116,9 +116,13 @@ def _handed_on(known: Mapping[str, str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Wide:
-    """Tables have a column for each quantity of a servo; ``hold``: blanks repeat the last value."""
+    """Tables have a column for each quantity of a servo; ``hold``: blanks repeat the last value.
+
+    ``every_ns``: a bus has a row each such step of time, with what was said last in it.
+    """
 
     hold: bool = False
+    every_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +173,7 @@ def open_all(
             elif wide is not None and suffixes[nth] in TABLES:
                 from sniffer.sinks.wide import WideSink
 
-                out[nth] = WideSink(paths[nth], hold=wide.hold)
+                out[nth] = WideSink(paths[nth], hold=wide.hold, every_ns=wide.every_ns)
             elif contents is not None and suffixes[nth] == RECORDING:
                 from sniffer.mcapfile.sink import McapSink
 

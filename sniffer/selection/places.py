@@ -1,8 +1,8 @@
 """Places in a capture, as people write them: ``10min``, ``20:35:20.5``, ``@first-error``.
 
-``--from`` and ``--to`` take them. A time counts from the first byte of the capture, a time of day
-is UTC, as the table prints it. What begins with ``@`` stands where something was found: somebody
-has to look for it first.
+``--from`` and ``--to`` take them. A time counts from the first byte of the capture, with a minus
+back from its last record; a time of day is UTC, as the table prints it. What begins with ``@``
+stands where something was found: somebody has to look for it first, as for the end.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from sniffer.selection.expression import near
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+END: Final = "end"
+"""What is sought of a place that is so long before the end of a capture."""
+
 DAY_NS: Final = 86400 * NS
 
 _SECONDS: Final = re.compile(r"[0-9]{1,12}(\.[0-9]*)?|\.[0-9]+")
@@ -31,7 +34,10 @@ _ISO: Final = re.compile(
     r"\d{4}-\d\d-\d\d"
     r"(?:[T ]\d\d:\d\d(?::\d\d)?(?:[.,](?P<part>\d{1,9}))?(?:Z|[+-]\d\d:?\d\d)?)?"
 )
-_FORMS: Final = "10, 10min, 20:35:20.5, 2026-01-31T20:35:20Z, @first-error, @byte:12175, @anomaly:7"
+_FORMS: Final = (
+    "10, 10min, 20:35:20.5, 2026-01-31T20:35:20Z, @first-error, @byte:12175, @anomaly:7, or -5s "
+    "(before the end)"
+)
 
 FRESH: Final = "pty"
 """The port that stands for a pseudo-terminal which is made for it."""
@@ -51,8 +57,8 @@ class CapturePlace:
     """A place in a capture; ``text`` is how it was written, ``kind`` what ``ns`` counts from.
 
     What is to be looked for is ``sought``: ``byte`` (of ``bus``, if one is named), ``anomaly``, a
-    severity or a code; ``number`` is that of the byte, or which of them is meant, from 1; where
-    ``servo`` is told, of those that are about this one.
+    severity or a code, or the ``end``; ``number`` is that of the byte, or which of them is meant,
+    from 1, or how many ns before the end; where ``servo`` is told, of those about this one.
     """
 
     text: str
@@ -66,7 +72,7 @@ class CapturePlace:
     @property
     def is_counted(self) -> bool:
         """Whether it is one of the anomalies of a kind, of which a selection may have fewer."""
-        return self.sought not in ("", "byte", "anomaly")
+        return self.sought not in ("", "byte", "anomaly", END)
 
     def at(self, first_ns: int | None) -> int:
         """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.
@@ -110,10 +116,9 @@ def place_in(text: str) -> CapturePlace:
     plain = text.strip()
     if plain.startswith("@"):
         return _sought(plain)
-    if _SECONDS.fullmatch(plain):
-        whole, _, part = plain.partition(".")
-        return CapturePlace(plain, SINCE, int(whole or "0") * NS + _ns(part))
-    if (ns := time_in(plain, bare=True, least=0)) is not None:
+    if (ns := _duration(plain.removeprefix("-"))) is not None:
+        if plain.startswith("-"):
+            return CapturePlace(plain, FOUND, sought=END, number=ns)
         return CapturePlace(plain, SINCE, ns)
     if (match := _CLOCK.fullmatch(plain)) is not None:
         hours, minutes, seconds = (int(part or "0") for part in match.groups()[:3])
@@ -125,6 +130,14 @@ def place_in(text: str) -> CapturePlace:
     with contextlib.suppress(InputError):
         advice = f"did you mean {_sought(f'@{plain}').text}?"
     raise InputError(f"{_cut(text)} is no place in a capture: {advice}")
+
+
+def _duration(text: str) -> int | None:
+    """Return a time in ns, of seconds to the last digit; None where it is none."""
+    if _SECONDS.fullmatch(text):
+        whole, _, part = text.partition(".")
+        return int(whole or "0") * NS + _ns(part)
+    return time_in(text, bare=True, least=0)
 
 
 def _sought(text: str) -> CapturePlace:

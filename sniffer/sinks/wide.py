@@ -1,4 +1,4 @@
-"""A wide table: a row a frame that made values known, a column a quantity of a servo.
+"""A wide table: a row a frame that made values known (or a step of time), a column a quantity.
 
 Which columns there are is known only when everything was heard. Until then values wait, packed, in
 a temporary file; the table is made of them in pieces, so a long capture takes no memory.
@@ -19,6 +19,7 @@ from sniffer.decoding.fields import tidied
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.files import open_binary, writing
 from sniffer.mcapfile.fields import state_field
+from sniffer.sinks.spaced import Spaced
 from sniffer.sinks.tables import harmless
 
 if TYPE_CHECKING:
@@ -39,14 +40,18 @@ class WideSink:
     """Writes a wide table, ``.csv`` or ``.parquet`` by the path's suffix.
 
     Columns: ``t_ns``, ``bus``, then ``<servo>.<quantity>_<unit>``. A cell is blank where the frame
-    says nothing of it, or, with ``hold``, has the last value of its bus.
+    says nothing of it, or, with ``hold``, has the last value of its bus. With ``every_ns`` a bus
+    has a row each such step of time instead, with what was said last in it.
     """
 
-    def __init__(self, path: Path, *, hold: bool = False) -> None:
+    def __init__(self, path: Path, *, hold: bool = False, every_ns: int | None = None) -> None:
         self._path = path
         self._hold = hold
+        self._every_ns = every_ns
+        self._spaced: dict[int, Spaced] = {}
         self._file = open_binary(path)
         self._columns: dict[tuple[int, str], int] = {}
+        self._placed: dict[tuple[int, str], tuple[str, int]] = {}
         self._buses: dict[str, int] = {}
         self._n = 0
         self._rows = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
@@ -65,13 +70,6 @@ class WideSink:
             return
         v = v.take(np.argsort(v.row, kind="stable"))
         place = self._buses.setdefault(bus_of(bus, protocol, batch), len(self._buses))
-        frames, first, which = np.unique(v.row, return_index=True, return_inverse=True)
-        rows = np.empty(len(frames), _ROW)
-        rows["t_ns"] = v.t_ns[first]
-        rows["bus"] = place
-        values = np.empty(len(v), _VALUE)
-        values["row"] = which + self._n
-        values["value"] = tidied(v.value)
         keys, key_of = np.unique(
             v.servo_id.astype(np.int64) << 32 | v.register, return_inverse=True
         )
@@ -79,9 +77,30 @@ class WideSink:
         for key in keys.tolist():
             name = names[key & 0xFFFFFFFF]
             assert name is not None, "only quantities are kept"
-            known.append(self._columns.setdefault((key >> 32, name), len(self._columns)))
-        values["column"] = np.array(known, np.int32)[key_of]
-        self._n += len(frames)
+            titled = (key >> 32, name)
+            known.append(self._columns.setdefault(titled, len(self._columns)))
+            # as tables of registers have it: the order in which all was heard is that of batches
+            place_of = (protocol.name, key & 0xFFFFFFFF)
+            self._placed[titled] = min(self._placed.get(titled, place_of), place_of)
+        column: I64 = np.array(known, np.int64)[key_of]
+        value = tidied(v.value)
+        if self._every_ns is None:
+            _, first, which = np.unique(v.row, return_index=True, return_inverse=True)
+            self._keep(place, v.t_ns[first], which, column, value)
+        else:
+            spaced = self._spaced.setdefault(place, Spaced(self._every_ns))
+            self._keep(place, *spaced.take(v.t_ns, column, value))
+
+    def _keep(self, place: int, t_ns: I64, row: I64, column: I64, value: F64) -> None:
+        """Put rows of one bus away: their times, and of each value its row, column and itself."""
+        rows = np.empty(len(t_ns), _ROW)
+        rows["t_ns"] = t_ns
+        rows["bus"] = place
+        values = np.empty(len(value), _VALUE)
+        values["row"] = row + self._n
+        values["column"] = column
+        values["value"] = value
+        self._n += len(rows)
         with writing(self._path):
             self._rows.write(rows.tobytes())
             self._values.write(values.tobytes())
@@ -89,7 +108,9 @@ class WideSink:
     def close(self) -> None:
         """Make the table."""
         with writing(self._path), self._file, self._rows, self._values:
-            order = sorted(self._columns, key=lambda c: (c[0], self._columns[c]))
+            for place, spaced in self._spaced.items():
+                self._keep(place, *spaced.rest())
+            order = sorted(self._columns, key=lambda c: (c[0], self._placed[c]))
             names = [f"{servo}.{name}" for servo, name in order]
             kind = pa.dictionary(pa.int32(), pa.string())
             is_csv = self._path.suffix.lower() == ".csv"
@@ -100,14 +121,14 @@ class WideSink:
                     *(pa.field(name, pa.float64()) for name in names),
                 ]
             )
-            place = np.empty(len(order), np.int64)
-            place[[self._columns[c] for c in order]] = np.arange(len(order))
+            at = np.empty(len(order), np.int64)
+            at[[self._columns[c] for c in order]] = np.arange(len(order))
             if is_csv:
                 writer = pyarrow.csv.CSVWriter(self._file, schema)
             else:
                 writer = pyarrow.parquet.ParquetWriter(self._file, schema, compression="zstd")
             with contextlib.closing(writer):
-                self._write_all(writer, schema, place)
+                self._write_all(writer, schema, at)
 
     def _write_all(self, writer: Any, schema: Any, place: I64) -> None:
         self._rows.seek(0)

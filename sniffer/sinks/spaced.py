@@ -1,0 +1,71 @@
+"""Values on a grid of time: what was said last, at every multiple of a step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.amounts import time_as
+from sniffer.ground.model import OutputError
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import F64, I64
+
+FINEST_NS: Final = 1_000_000
+"""The shortest step that can be asked for: no servo bus says a servo's values more often."""
+
+MOST: Final = 1 << 26
+"""Rows that may come at a time: 15 days at 50 Hz. A clock that was set makes more of them."""
+
+
+class Spaced:
+    """Turns the values of one bus, in the order of time, into rows that are a step apart.
+
+    A row stands at a multiple of the step (by the second: with the seconds of the clock) and has
+    of each column what was said last in the step that ends there, never what comes later::
+
+        step 20 ms, said at 3, 17, 21, 65: rows 20 (has 17's), 40 (21's), 60 (nothing), 80 (65's)
+
+    So rows do not depend on where a stream begins or how it is cut.
+    """
+
+    def __init__(self, step_ns: int) -> None:
+        self._step = step_ns
+        self._next: int | None = None
+        self._slot = np.empty(0, np.int64)
+        self._column = np.empty(0, np.int64)
+        self._value = np.empty(0)
+
+    def take(self, t_ns: I64, column: I64, value: F64) -> tuple[I64, I64, I64, F64]:
+        """Take values; return rows that nothing can change any more, and the values in them.
+
+        They are the times of the rows, and of each value its row, its column and itself.
+
+        Raises:
+            OutputError: there are too many rows, for the clock leaps.
+        """
+        slot = np.maximum.accumulate(np.concatenate([self._slot, -(-t_ns // self._step)]))
+        self._slot = slot
+        self._column = np.concatenate([self._column, column])
+        self._value = np.concatenate([self._value, value])
+        if self._next is None:
+            self._next = int(slot[0])
+        return self._rows_before(int(slot[-1]))
+
+    def rest(self) -> tuple[I64, I64, I64, F64]:
+        """Return the last row."""
+        return self._rows_before(int(self._slot[-1]) + 1)
+
+    def _rows_before(self, stop: int) -> tuple[I64, I64, I64, F64]:
+        assert self._next is not None, "values came before"
+        begin, self._next = self._next, stop
+        if stop - begin > MOST:
+            raise OutputError(
+                f"{stop - begin} rows of {time_as(self._step)} are too many: the clock leaps by "
+                f"{(stop - begin) * self._step / 1e9:.6g} s; take a part with --from and --to"
+            )
+        n = int(np.searchsorted(self._slot, stop))
+        made = self._slot[:n] - begin, self._column[:n], self._value[:n]
+        self._slot, self._column, self._value = self._slot[n:], self._column[n:], self._value[n:]
+        return np.arange(begin, stop) * self._step, *made
