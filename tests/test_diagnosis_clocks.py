@@ -119,3 +119,24 @@ def test_answers_in_turn_with_others_that_tell_nothing_are_compared_all_the_same
     told = robot("rs30x", 12, instead=instead, goals=False).diagnosed()
     assert "clock-off" in codes(told)
     assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
+
+
+def test_a_clock_whose_servo_is_asked_while_it_moves_is_no_interference_of_motors() -> None:
+    """What tears the answers of one servo alone goes with how often it is asked."""
+
+    def path(servo: int, s: float) -> float:
+        return swinging(servo, s) if s % 4 > 2 else 0.5
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != SICK or talk.now_s < 2:
+            return False
+        if talk.now_s % 4 > 2:
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.4)
+            talk.say(fast(talk.tongue.answer(servo, path(servo, talk.now_s))))
+            talk.rest(0.6)
+        return True
+
+    told = robot("rs30x", 20, path=path, instead=instead).diagnosed()
+    assert "damage-while-moving" not in codes(told)
+    assert verdicts(told.incidents()) == [("clock-drift", (SICK,))]

@@ -314,3 +314,27 @@ def test_one_silence_beside_anothers_many_is_no_habit_that_they_share() -> None:
 
 def test_one_silence_beside_those_of_two_others_is_of_the_same_place() -> None:
     assert beside(1, 4) == {2, 3, 4}
+
+
+def test_torn_answers_are_not_requests_that_were_said_but_once() -> None:
+    """Answers and questions of one length have their header, id and size in common."""
+    hits = range(20, 200, 30)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2:
+            return False
+        if cycle in (1, 2):  # once each: what it weighs, what it draws
+            talk.say(mightyzap.packet(2, 0xF2, bytes((0x90 + 2 * cycle, 2))))
+            talk.rest(0.3)
+            talk.say(mightyzap.packet(2, 0, b"\x07\x00"))
+            talk.rest(0.4)
+        talk.say(talk.tongue.ask(2))
+        talk.rest(0.3)
+        said = talk.tongue.answer(2, swinging(2, talk.now_s))
+        talk.say(said[:-1] + bytes((said[-1] ^ 1 << cycle % 8,)) if cycle in hits else said)
+        talk.rest(0.4)
+        return True
+
+    told = robot("mightyzap", servos=(1, 2, 3, 4), instead=instead, goals=False).diagnosed()
+    assert "bad-checksum" in codes(told)
+    assert "request-in-answer" not in codes(told)

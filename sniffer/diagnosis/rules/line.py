@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -124,23 +124,11 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
     d = case.damage
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
-    others = Counter(  # what twins tear is a matter of its own
-        (x.turn, x.servo_id) for x in case.damages if of_twins(case, x)
-    )
-    torn = {
-        s: n - others[IN_REPLY, s]
-        for s, n in sums(_rows(d, in_reply), "servo_id", "n").items()
-        if s >= 0 and n > others[IN_REPLY, s]
-    }
-    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
-    answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
-    asked_torn = int(d["n"][in_request].sum())
-    asked_torn -= sum(n for (turn, _), n in others.items() if turn == IN_REQUEST)
-    requests = int(case.traffic["requests"].sum()) + asked_torn
+    torn, answered, asked_torn, requests = case.once(_shares)
     total = sum(torn.values()) + asked_torn
     if total < LEAST:
         return
-    few = _few(torn, answered, asked_torn, requests)
+    few = singled_out(case)
     for servo in few:
         rest = total - sum(torn[s] for s in few)
         frames = requests + sum(n for s, n in answered.items() if s not in few)
@@ -176,6 +164,42 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         sure = min(0.5 + (left + asked_torn) / (2 * PLENTY), 1.0)
         sure *= 1.0 if left and asked_torn else ONE_WAY
         yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged", sure)
+
+
+def singled_out(case: Case) -> Sequence[int]:
+    """Return the servos whose answers are torn far oftener than all else."""
+    torn, answered, asked_torn, requests = case.once(_shares)
+    if sum(torn.values()) + asked_torn < LEAST:
+        return ()
+    return _few(torn, answered, asked_torn, requests)
+
+
+class _Shares(NamedTuple):
+    """How many answers of each servo are torn, and how many there are; the same of requests."""
+
+    torn: dict[int, int]
+    answered: dict[int, int]
+    asked_torn: int
+    requests: int
+
+
+def _shares(case: Case) -> _Shares:
+    d = case.damage
+    in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
+    others = Counter(  # what twins tear is a matter of its own
+        (x.turn, x.servo_id) for x in case.damages if of_twins(case, x)
+    )
+    torn = {
+        s: n - others[IN_REPLY, s]
+        for s, n in sums(_rows(d, in_reply), "servo_id", "n").items()
+        if s >= 0 and n > others[IN_REPLY, s]
+    }
+    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
+    answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
+    asked_torn = int(d["n"][in_request].sum())
+    asked_torn -= sum(n for (turn, _), n in others.items() if turn == IN_REQUEST)
+    requests = int(case.traffic["requests"].sum()) + asked_torn
+    return _Shares(torn, answered, asked_torn, requests)
 
 
 def _few(

@@ -10,8 +10,9 @@ import numpy as np
 from sniffer.diagnosis.buckets import FINE
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
-from sniffer.diagnosis.damage import AT_TURN, HELD
+from sniffer.diagnosis.damage import AT_TURN, HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.line import singled_out
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ FINDINGS: Final = (
         "damage-while-moving",
         "line",
         "Damage comes while motors work, and less while they rest.",
-        "In quarters of a second: how much is damaged goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
+        "In quarters of a second: how much is damaged, apart from the answers of a servo that alone is hit, goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
     ),
     FindingCode(
         "damage-behind-steps",
@@ -79,7 +80,9 @@ WAYS: Final = ("position", "goal_position")
 def damage_while_moving(case: Case) -> Iterator[Finding]:
     """Compare the damage while motors work with that while they rest."""
     d = case.damage
-    mine = np.flatnonzero((d["turn"] != HELD) & (d["turn"] != AT_TURN))
+    # what tears the answers of one servo alone chooses it, and goes with how often it is asked
+    alone = (d["turn"] == IN_REPLY) & np.isin(d["servo_id"], list(singled_out(case)))
+    mine = np.flatnonzero((d["turn"] != HELD) & (d["turn"] != AT_TURN) & ~alone)
     if not case.has_clock or int(d["n"][mine].sum()) < LEAST:
         return
     bucket, n = d["bucket"][mine], d["n"][mine]
