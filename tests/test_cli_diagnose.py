@@ -148,8 +148,29 @@ def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
     assert "nothing is wrong" not in done.out
     assert re.search(r"no cause can be told of 2 x no-response \(servos 1, 3\)", done.out)
     words = " ".join(done.out.split())
-    assert "next: Ping the id;" in words
-    assert "`sniffer explain FILE@no-response` draws the first of them." in words
+    assert "next: 2 of 960 answers are lost, too few to tell why: record for longer" in words
+    assert "@no-response` draws the first of them." in words
+
+
+def test_where_what_no_cause_explains_is_drawn_can_be_copied(
+    diagnose: Asked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, as_typed in (("a.log", "a.log@no-response"), ("a b.log", "'a b.log@no-response'")):
+        few_lost(tmp_path / name)
+        words = " ".join(diagnose.says(name).out.split())
+        assert f"`sniffer explain {as_typed}` draws the first of them." in words
+
+
+def test_of_several_files_each_is_named_where_it_is_told_of(
+    diagnose: Asked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = ("a.log", "b.log")
+    for name in names:
+        few_lost(tmp_path / name)
+    words = " ".join(diagnose.says(*names).out.split())
+    assert all(f"`sniffer explain {name}@no-response`" in words for name in names)
 
 
 def test_a_sound_capture_names_no_next_act(diagnose: Asked, tmp_path: Path) -> None:

@@ -17,11 +17,14 @@ from tests.conversations import (
     robot,
     swinging,
     through_usb,
+    without_clock,
 )
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from sniffer.ground.model import Chunk
 
 PROTOCOLS = tuple(TONGUES)
@@ -68,8 +71,8 @@ def collided(answer: bytes, request: bytes, at: int) -> bytes:
     return bytes(a & b for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
-def test_requests_that_run_into_answers_are_the_impatient_controllers(protocol: str) -> None:
+def impatient(protocol: str) -> Conversation:
+    """Return a loop in which one request in thirty or so is said into the answer before it."""
     rng = random.Random(4)
     lost: set[tuple[int, int]] = set()
 
@@ -86,12 +89,31 @@ def test_requests_that_run_into_answers_are_the_impatient_controllers(protocol: 
         talk.say(collided(answer, talk.tongue.ask(servo + 1), rng.randint(4, len(answer) - 1)))
         return True
 
-    told = robot(protocol, 12, instead=into, goals=False).diagnosed()
+    return robot(protocol, 12, instead=into, goals=False)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_requests_that_run_into_answers_are_the_impatient_controllers(protocol: str) -> None:
+    told = impatient(protocol).diagnosed()
     assert {"request-swallowed", "request-in-answer"} & codes(told)
     assert verdicts(told.incidents()) == [("impatient-controller", ())]
 
 
-def test_answers_that_noise_tears_swallow_no_request() -> None:
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@pytest.mark.parametrize("host", [through_usb, without_clock])
+def test_requests_said_into_answers_are_missing_behind_them_where_no_stamp_tells_it(
+    host: Callable[[Iterable[Chunk]], list[Chunk]], protocol: str
+) -> None:
+    talk = impatient(protocol)
+    told = talk.diagnosed(host(talk.chunks))
+    assert "request-swallowed" in codes(told)
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+@pytest.mark.parametrize("host", [through_usb, without_clock])
+def test_answers_that_noise_tears_swallow_no_request(
+    host: Callable[[Iterable[Chunk]], list[Chunk]],
+) -> None:
     rng = random.Random(5)
 
     def torn(talk: Conversation, cycle: int, servo: int) -> bool:
@@ -105,8 +127,11 @@ def test_answers_that_noise_tears_swallow_no_request() -> None:
         talk.rest(25)
         return True
 
-    told = robot("mightyzap", 12, instead=torn).diagnosed()
-    assert not codes(told) & {"request-swallowed", "request-in-answer", "hasty-request"}
+    talk = robot("mightyzap", 12, instead=torn)
+    for chunks in (talk.chunks, host(talk.chunks)):
+        seen = codes(talk.diagnosed(chunks))
+        assert not seen & {"request-swallowed", "request-in-answer", "hasty-request"}
+    told = talk.diagnosed()
     assert "impatient-controller" not in [cause for cause, _ in verdicts(told.incidents())]
 
 

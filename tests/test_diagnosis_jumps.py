@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import random
+from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.conversations import TONGUES, robot, swinging, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PROTOCOLS = tuple(TONGUES)
 
@@ -79,6 +83,21 @@ SOUND = [2000 + 3 * (k % 20) for k in range(120)]
 def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
     d = heard(places(*SOUND[:50], 3500, *SOUND[50:]), "mightyzap")
     assert verdicts(d.incidents()) == [("position-jump", (1,))]
+
+
+def test_what_to_do_about_a_jump_is_the_servos_or_the_controllers_by_what_jumps() -> None:
+    def next_of(path: Callable[[int, float], float]) -> str:
+        (incident,) = robot("rs30x", 12, path=path).diagnosed().incidents()
+        return incident.next
+
+    (measured,) = heard(places(*SOUND[:50], 3500, *SOUND[50:]), "mightyzap").incidents()
+    assert "position sensor" in measured.next
+
+    def jumps(servo: int, s: float) -> float:
+        return 0.97 if servo == 2 and int(s * 40) in (150, 151) else swinging(servo, s) / 2
+
+    assert "position sensor" not in next_of(jumps)
+    assert "controller" in next_of(jumps)
 
 
 def test_a_position_that_stays_for_moments_where_no_goal_is_jumped_there() -> None:

@@ -101,3 +101,14 @@ def test_the_story_of_a_brownout_goes_from_the_sag_over_the_alarm_to_the_silence
     steps = ("supply of servo 1 sags", "complains of its supply", "servo 1 silent for")
     places = [story.index(step) for step in steps]
     assert places == sorted(places), story
+
+
+def test_the_story_of_a_blocked_joint_goes_from_its_push_to_letting_go_each_told_once() -> None:
+    (incident,) = suffering("mightyzap", "stall:1@3s+4s", 10.0).incidents()
+    steps = ("pushes and does not move", "is stuck", "reports an overload", "lets go")
+    places = [incident.story.index(step) for step in steps]
+    assert places == sorted(places), incident.story
+    told = [f.what for f in incident.findings]
+    assert len(set(told)) == len(told)
+    pushed = next(f for f in incident.findings if f.code == "joint-stalled")
+    assert "load 100%" in pushed.what

@@ -17,7 +17,8 @@ class FindingCode:
     mistake, whenever each of them needs it. ``is_lasting``: it lasts until somebody does something,
     and is seen when the next goal comes, however long after what brought it about.
     ``is_its_own``: one servo is hit by itself, and by no chance; what befalls all of them chooses
-    none.
+    none. ``remedy`` and ``settle`` say what to do, and what would settle it, where this finding is
+    what an incident is known by and its cause's own words are for other signs of that cause.
     """
 
     code: str
@@ -27,3 +28,5 @@ class FindingCode:
     is_omission: bool = False
     is_lasting: bool = False
     is_its_own: bool = False
+    remedy: str = ""
+    settle: str = ""

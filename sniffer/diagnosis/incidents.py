@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.model import Incident
-from sniffer.diagnosis.rules import findings
+from sniffer.diagnosis.rules import FINDINGS, findings
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NS
@@ -47,9 +47,11 @@ def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Inciden
     first, *others = explained.causes
     cause = CAUSES[first.cause]
     rival = others[0] if others else None
-    doing = cause.remedy
+    sign = FINDINGS.get(explained.key.code)
+    doing = (sign and sign.remedy) or cause.remedy
     if first.confidence < SURE and rival is not None:
-        doing = f"{cause.settle} (It may be {CAUSES[rival.cause].title} instead.)"
+        settle = (sign and sign.settle) or cause.settle
+        doing = f"{settle} (It may be {CAUSES[rival.cause].title} instead.)"
     by_time = tuple(sorted(explained.findings, key=lambda f: (f.first_ns, f.code)))
     return Incident(
         0,

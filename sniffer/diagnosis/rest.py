@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,15 +24,36 @@ SHOWN: Final = 6
 """Servos that are named of one code."""
 
 
+FEW: Final = 0.01
+"""Part of its answers that a sound servo's line may lose without a cause that could be told."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Anomalies of which no cause can be told, in words, and what to do next.
+    """Anomalies of which no cause can be told, in words, and what to do about them.
 
-    Both are empty where there are none.
+    All are empty where there are none. ``code`` came most often; ``source`` is the capture as a
+    command line names it.
     """
 
     told: str = ""
-    next: str = ""
+    doing: str = ""
+    code: str = ""
+    source: str = "FILE"
+
+    @property
+    def next(self) -> str:
+        """What to do next, and the command that draws where it is."""
+        if not self.told:
+            return ""
+        place = shlex.quote(f"{self.source}@{self.code}")
+        return f"{self.doing} `sniffer explain {place}` draws the first of them."
+
+    def of(self, source: str | Path | Sequence[str | Path]) -> Rest:
+        """Return the same of a capture; several files, or standard input, cannot be named."""
+        paths = [source] if isinstance(source, str | Path) else source
+        name = str(paths[0]) if len(paths) == 1 else "-"
+        return self if name == "-" else replace(self, source=name)
 
 
 def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
@@ -66,9 +89,21 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
         told[begun:] = sorted(told[begun:], key=lambda t: -t[0])  # bus by bus
     if not told:
         return Rest()
-    most = max(told, key=lambda t: t[0])[1]
-    act = f"{CATALOGUE[most].remedy} `sniffer explain FILE@{most}` draws the first of them."
-    return Rest(", ".join(words for _, _, words in told), act)
+    n, most, _ = max(told, key=lambda t: t[0])
+    return Rest(", ".join(words for _, _, words in told), _doing(cases, n, most), most)
+
+
+def _doing(cases: Sequence[Case], n: int, code: str) -> str:
+    """Return what to do about the code that came most often."""
+    asked = sum(case.total("asked", servo) for case in cases for servo in case.answering)
+    if code != MISSING or n > FEW * asked:
+        return CATALOGUE[code].remedy
+    # who answers all the rest is there, at this rate, and is set to answer
+    lost = f"{n} of {asked} answers {'is' if n == 1 else 'are'} lost"
+    return (
+        f"{lost}, too few to tell why: record for longer, and move the cables by hand meanwhile; "
+        "losses that follow the hand are a contact's."
+    )
 
 
 def _whose(servos: Sequence[int]) -> str:

@@ -96,7 +96,7 @@ def diagnose(
         incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
-        diagnosis.rest(incidents),
+        diagnosis.rest(incidents).of(source),
         diagnosis.has_clock,
         done.ending,
     )

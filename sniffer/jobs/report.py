@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -111,7 +111,9 @@ def report(
         evidence = Exhibits(incidents)
         if not evidence.is_done:
             _draw(opened, options, evidence)
-        done = Reported(_content(hearing, opened, name, notes, incidents, evidence), hearing.ending)
+        content = _content(hearing, opened, name, notes, incidents, evidence)
+        content = replace(content, rest=content.rest.of(source))
+        done = Reported(content, hearing.ending)
     if path is None or hearing.ending == Ending.MISTAKEN:
         return done
     told = done.as_text(path.suffix.lower())

@@ -122,5 +122,8 @@ def markdown() -> str:
         lines += [f"## {area}", ""]
         for f in FINDINGS.values():
             if f.area == area:
-                lines += [f"### `{f.code}`", "", f.means, "", f"- Known by: {f.known_by}", ""]
+                lines += [f"### `{f.code}`", "", f.means, "", f"- Known by: {f.known_by}"]
+                lines += [f"- What to do: {f.remedy}"] if f.remedy else []
+                lines += [f"- What settles it: {f.settle}"] if f.settle else []
+                lines += [""]
     return "\n".join(lines).rstrip() + "\n"

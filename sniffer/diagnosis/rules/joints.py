@@ -10,7 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
-from sniffer.diagnosis.tracks import LAG_NS, LOOKS, in_force, track
+from sniffer.diagnosis.tracks import LAG_NS, LOOKS, Away, in_force, track
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.efforts import Effort
     from sniffer.diagnosis.rules import Rule
-    from sniffer.diagnosis.tracks import Away, JointTrack
+    from sniffer.diagnosis.tracks import JointTrack
     from sniffer.ground.model import I64
 
 FINDINGS: Final = (
@@ -132,8 +132,10 @@ def following(case: Case) -> Iterator[Finding]:
             if motor and code in ("joint-limp", "joint-not-following") and _presses(one, away):
                 continue
             kinds.setdefault(code, []).append(away)
-            if code.startswith("joint-limp") and motor and _pushed_before(one, motor, away):
-                kinds.setdefault("joint-stalled", []).append(away)
+            if code.startswith("joint-limp") and motor:
+                pushed = _pushed_before(one, motor, away)
+                if pushed is not None:
+                    kinds.setdefault("joint-stalled", []).append(pushed)
         for code, several in kinds.items():
             yield _found(case, one, code, several, moved=moved or _moves(one))
 
@@ -234,8 +236,8 @@ def _pulls_by_error(one: JointTrack, motor: Effort, away: Away) -> bool:
     return float(np.corrcoef(off, worked)[0, 1]) >= TOGETHER
 
 
-def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> bool:
-    """Tell whether a motor that is off pushed at first, while its joint stood there far from its goal."""
+def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> Away | None:
+    """Return when a motor that is off pushed at first, while its joint stood there far from its goal."""
     p, s = one.position, motor.series
     first = away.first
     while first > 0 and abs(p.low[first - 1] - p.last[away.first]) < one.far / 4:
@@ -243,11 +245,16 @@ def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> bool:
     stood = (s.t_first >= p.t_first[first]) & (s.t <= away.last_ns)
     rows = np.flatnonzero(stood & (motor.steady >= motor.pushes_from))
     if len(rows) < PUSHES or s.n[rows].sum() < LOOKS:
-        return False
+        return None
     low, high = in_force(one.goal, s.t[rows] - NS // 8, s.t[rows])
     stands = p.last[away.first]
-    off = np.maximum(low - stands, stands - high)
-    return float(np.median(off)) > WELL * one.far
+    error = float(np.median(np.maximum(low - stands, stands - high)))
+    if error <= WELL * one.far:
+        return None
+    since, until = int(s.t_first[rows[0]]), int(s.t[rows[-1]])
+    looked = np.flatnonzero((p.t >= since) & (p.t_first <= until))
+    begin, end = (int(looked[0]), int(looked[-1])) if len(looked) else (first, first)
+    return Away(begin, end, since, until, error)
 
 
 def _presses(one: JointTrack, away: Away) -> bool:

@@ -27,6 +27,8 @@ FINDINGS: Final = (
         "device",
         "A measured position jumps as no joint moves.",
         "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there; or a step and one back within a quarter second, whatever the goals, both faster than 500 degrees (133 mm) a second. All beyond 4 degrees (0.8 mm) and 4 % of the range.",
+        remedy="Look at the servo's position sensor (a worn potentiometer jumps) and at its gear; let the controller not act on a single position.",
+        settle="Turn the joint slowly by hand with torque off: a worn sensor jumps at the same places.",
     ),
     FindingCode(
         "doubtful-value",

@@ -27,7 +27,7 @@ FINDINGS: Final = (
         "Two rhythms of the same period drift through each other, and frames are torn where they meet.",
         "Requests in two even rhythms whose periods differ by less than 3 %: one wanders through the "
         "other's cycle at an even pace, three times as far as either one trembles. Torn frames stand where "
-        "both are due, far oftener than sound ones do.",
+        "both are due, far oftener than sound ones do, of which no more than half stand so.",
     ),
 )
 
@@ -60,6 +60,10 @@ CHECKED: Final = 400
 
 CLEARLY: Final = 2.5
 """How many times the odds of sound frames those of torn ones must be to stand where rhythms meet."""
+
+SELDOM: Final = 0.5
+"""Two that drift through each other are due at once for a part of the time: where most of the sound
+frames stand so, two kinds of requests of one loop do, which keep step."""
 
 TORN: Final = 3
 CHANCE: Final = 1e-2
@@ -100,6 +104,8 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
         for meeting in (_both_due, _both_near):
             rows = here[meeting(at[here], pairs, span)]
             sound = int(meeting(some, pairs, span).sum())
+            if sound > SELDOM * len(some):
+                continue
             if len(rows) * (len(some) - sound) < CLEARLY * sound * (len(here) - len(rows)):
                 continue
             chance = at_least(len(rows), len(here), min((sound + 1) / (len(some) + 1), 1.0))

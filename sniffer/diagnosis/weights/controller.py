@@ -126,6 +126,11 @@ WEIGHTS: Final = (
             )
         ),
         ("pieces-complete", 0.1, "the end of a request stands behind the answer it was said into"),
+        (
+            "requests-torn-short",
+            0.1,
+            "the end of a request stands behind the answer it was said into",
+        ),
         ("answers-twice", 0.2, "an answer and the piece of a request behind it"),
         ("answers-mixed", 0.2, "a request over an answer begins like one"),
         ("damage-one-servo", 0.3, "answers of one servo are torn: it is the slowest"),
