@@ -9,7 +9,7 @@ import pytest
 from sniffer.diagnosis.signs import named_within
 from sniffer.diagnosis.uart import both, heard, sent
 from tests.conversations import robot, swinging, through_usb, without_clock
-from tests.diagnosed import verdicts
+from tests.diagnosed import codes, verdicts
 from tests.streams import rs30x
 
 if TYPE_CHECKING:
@@ -155,3 +155,22 @@ def test_a_servo_that_speaks_unasked_is_known_though_its_answers_to_writes_are_b
 
     talk = robot("rs30x", 16, servos=SERVOS, instead=instead, goals=False)
     assert verdicts(talk.diagnosed().incidents()) == [("chatty-device", (9,))]
+
+
+def test_an_id_that_is_misread_in_ones_own_head_names_nobody_else() -> None:
+    """A bit of the id falls in each third answer of 6: it is 4 then, who was asked before."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != BEHIND:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        said = bytearray(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+        said[3] ^= 2 * (cycle % 3 == 0)
+        talk.say(bytes(said))
+        talk.rest(0.4)
+        return True
+
+    told = robot("mightyzap", servos=SERVOS, instead=instead, goals=False).diagnosed()
+    assert "bad-checksum" in codes(told)
+    assert not names(told)

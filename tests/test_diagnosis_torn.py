@@ -11,7 +11,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
-from tests.streams import rs30x, wck
+from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -212,3 +212,17 @@ def test_a_line_that_falls_for_seconds_and_is_well_between_is_stuck_though_frame
 
 def test_a_byte_now_and_then_between_frames_is_no_line_that_falls_all_the_time() -> None:
     assert "line-babbles" not in codes(with_falls(1, 20).diagnosed())
+
+
+def test_frames_of_another_make_are_no_line_that_falls_though_they_come_for_seconds() -> None:
+    """A third of a mightyZAP packet is FF and 00, as a line that falls is."""
+
+    def behind(talk: Conversation, cycle: int) -> None:
+        del cycle
+        if talk.now_s % 4 < 2:
+            for servo in range(1, 9):
+                talk.rest(0.5)
+                talk.say(mightyzap.packet(servo, 0xF3, b"\x86\x00\x0f"))
+            talk.rest(0.5)
+
+    assert "line-babbles" not in codes(robot("rs30x", 14, rate_hz=20, behind=behind).diagnosed())

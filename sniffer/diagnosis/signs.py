@@ -41,6 +41,9 @@ a hundred thousand places."""
 SAID: Final = 3
 """Torn places that say whose they are, and are not taken for somebody else's."""
 
+PLAIN: Final = b"\x00\xff"
+"""Bytes of which what answers tell is full."""
+
 HEAD: Final = 6
 """First bytes of an answer that may name its servo."""
 
@@ -127,13 +130,21 @@ def _signed(case: Case) -> Mapping[int, int]:
     sizes = sorted(set(map(len, telling)))
     out = {}
     for d in case.damages:
-        parts = (d.got[k : k + n] for n in sizes for k in range(len(d.got) - n + 1))
+        awaited = d.turn == IN_REPLY
+        got = _behind_head(d.got, signs.get(d.asked_id, ())) if awaited else d.got
+        parts = (got[k : k + n] for n in sizes for k in range(len(got) - n + 1))
         found = {telling[part] for part in parts if part in telling}
-        if d.turn == IN_REPLY:
+        if awaited:
             found.discard(d.asked_id)
+        found = {servo for servo in found if not loses_most(case, servo)}
         if len(found) == 1:
             out[d.at] = found.pop()
     return out
+
+
+def loses_most(case: Case, servo: int) -> bool:
+    """Tell whether most answers of a servo are torn or missing: it was asked for what it says."""
+    return case.total("damaged", servo) + case.total("missing", servo) > case.total("ok", servo)
 
 
 def is_anothers(case: Case, places: Iterable[int], servo: int) -> bool:
@@ -179,17 +190,19 @@ def _named_within(case: Case) -> Mapping[int, int]:
 
 def _has(got: bytes, own: Sequence[bytes]) -> bool:
     """Tell whether the signs of the servo that was asked stand in its answer once more."""
-    behind = got[max(map(len, own), default=0) - WITHIN + 1 :]
+    behind = _behind_head(got, own)
     return any(s in behind for s in own)
+
+
+def _behind_head(got: bytes, own: Sequence[bytes]) -> bytes:
+    """Return what stands behind one's own head: an id that is misread there names nobody else."""
+    return got[max(max(map(len, own), default=WITHIN) - WITHIN + 1, 1) :]
 
 
 def _within(d: Damage, signs: Mapping[int, Sequence[bytes]]) -> int:
     """Return the one servo whose sign stands within a torn place, and that was asked before; -1."""
-    behind = d.got[1:]
-    asked: dict[int, bool] = {}
-    for a in d.asked_before:
-        asked.setdefault(a.servo_id, a.is_answered)
-    own = signs.get(d.asked_id, ())
+    asked, own = _last_asked(d), signs.get(d.asked_id, ())
+    behind = _behind_head(d.got, own)
     found = [
         servo
         for servo, is_answered in asked.items()
@@ -197,6 +210,14 @@ def _within(d: Damage, signs: Mapping[int, Sequence[bytes]]) -> int:
         if any(s in behind and s not in own for s in signs.get(servo, ()))
     ]
     return found[0] if len(found) == 1 else -1
+
+
+def _last_asked(d: Damage) -> Mapping[int, bool]:
+    """Return who was asked before a place, and whether the last request to each was answered."""
+    asked: dict[int, bool] = {}
+    for a in d.asked_before:
+        asked.setdefault(a.servo_id, a.is_answered)
+    return asked
 
 
 def _signs(case: Case) -> Mapping[int, Sequence[bytes]]:
@@ -223,6 +244,9 @@ def _signs(case: Case) -> Mapping[int, Sequence[bytes]]:
 
 
 def _is_told(sign: bytes, told: Set[bytes]) -> bool:
+    """Tell whether a sign may be data: it is some, or a byte among those of which data are full."""
+    if sum(byte not in PLAIN for byte in sign) < SIGN:
+        return True
     parts = (sign[k : k + WITHIN] for k in range(len(sign) - WITHIN + 1))
     return all(part in told for part in parts)
 

@@ -12,7 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.signs import SIGN, beginnings, sign_of, signed
+from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
 from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.catalogue import CATALOGUE
@@ -252,7 +252,12 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
             d
             for d in case.damages
             if within.get(d.at) == servo
-            or (_is_into_request(d) and len(sign) >= SIGN and d.got[:-1].startswith(sign))
+            or (
+                len(sign) >= SIGN
+                and _is_into_request(d)
+                and d.got[:-1].startswith(sign)
+                and not loses_most(case, servo)
+            )
         ]
         for servo, sign in signs.items()
     }

@@ -69,8 +69,10 @@ SOME: Final = 25
 
 OFTEN: Final = 8
 SHARP: Final = 0.01
+PURE: Final = 0.9
 """Quarters of a second that are full, and part of the falls elsewhere, where it does not matter
-that frames get by, as short ones of a slow loop do: what begins and ends so has a switch."""
+that frames get by, as short ones of a slow loop do: what begins and ends so has a switch. Most falls
+stand in rows that are nothing else: frames that nobody knows, or that run together, have some."""
 
 NEARLY_ALL: Final = 0.95
 """Part of all falls that must be in such moments: it babbles, or it is well."""
@@ -182,9 +184,9 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     let_by = float(frames[full].mean())
     beside = np.convolve(full, np.ones(3, np.int64), "same") > 0
     few = let_by <= STOPS * usual
-    rows_of = sum(n for n, d in zip(short, torn, strict=True) if d.length >= STRAY)
+    rows_of = sum(n for n, d in zip(short, torn, strict=True) if n >= max(PURE * d.length, STRAY))
     sharp = full.sum() >= OFTEN and falls[~beside].sum() <= SHARP * falls.sum()
-    sharp = sharp and 2 * rows_of >= falls.sum()  # a stray at each turn is the turn's
+    sharp = sharp and 2 * rows_of >= falls.sum()  # nor is it a stray at each turn
     if not (few or sharp) or (~beside & (falls >= FADES)).sum() > FADING * full.sum():
         return (), ""
     rows = [d for d, k in zip(torn, at.tolist(), strict=True) if full[k]]
