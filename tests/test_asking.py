@@ -212,6 +212,11 @@ def test_the_first_error_is_that_of_what_is_selected(
             ["--where", "present_voltage < 9"],
             "is a register: write register = 'present_voltage' AND",
         ),
+        (
+            ["--where", "response_time_ns > 20ms"],
+            "at '20ms' (character 20): this is no number: in ns it is 20000000",
+        ),
+        (["--where", "value > 20mm"], "at '20mm' (character 9): this is no number"),
         (["--servo", "3", "--where", "length >"], "--where, at its end: expected a column"),
         (
             ["--op", "read", "--code", "noise"],

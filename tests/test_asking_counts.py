@@ -146,6 +146,25 @@ def test_a_table_has_the_selected_rows_and_one_that_can_have_none_is_told(
     assert "present_position" not in registers
 
 
+@pytest.mark.parametrize(
+    ("asked", "rows"),
+    [
+        (("--code", "damaged-response"), "anomalies"),
+        (("--where", "reason = 'damaged'"), "gaps"),
+    ],
+)
+def test_a_file_of_bytes_of_what_is_no_frame_says_that_it_has_none(
+    asked: tuple[str, str], rows: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / "x.hex"
+    ran = within(capsys, "convert", DAMAGED, out, *asked)
+    assert (ran.status, out.read_text()) == (0, "")
+    told = f"{out} has no bytes: {rows} are no frames; `sniffer decode` shows theirs"
+    assert told in ran.err
+    shown = within(capsys, "decode", DAMAGED, *asked).out
+    assert "FF FF FF" in shown
+
+
 def test_a_recording_of_frames_alone_would_be_a_lie(tmp_path: Path, capsys: Capsys) -> None:
     ran = within(capsys, "convert", DAMAGED, tmp_path / "x.mcap", "--servo", "3")
     told = "a recording has every byte of its buses: frames alone go into a .log"

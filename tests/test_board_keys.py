@@ -120,6 +120,31 @@ def test_servos_are_sorted_by_each_column_and_the_other_way_round(watching: Watc
     assert watching.ids() == [4, 3, 2, 1]
 
 
+def test_the_greatest_are_shown_where_not_all_servos_fit() -> None:
+    """Those in trouble were, sorted: the greatest error was among those that are counted only."""
+    w = wire("arm", "mightyzap", 20, 2)
+    one = Watching(w)
+    cells = one.board.rows("arm", status_of(w.status()))
+    assert cells is not None
+    everybody = [cells.id(row) for row in cells.order]
+    troubled = [cells.id(row) for row in cells.order if cells.troubled(row)]
+    assert troubled
+
+    def seen() -> list[int]:
+        lines = one.lines(80, 16)
+        assert any(line.startswith("... and ") for line in lines)
+        return [servo for _, servo in one.controls.rows]
+
+    assert set(troubled) & set(seen()), "nobody asked for an order: those in trouble are kept"
+    one.press("s")
+    greatest = [cells.id(row) for row in cells.sorted("error", falls=True)]
+    assert 0 < len(seen()) < len(everybody)
+    assert seen() == greatest[: len(seen())]
+    one.press("r")
+    smallest = [cells.id(row) for row in cells.sorted("error", falls=False)]
+    assert seen() == smallest[: len(seen())]
+
+
 @pytest.mark.parametrize(
     ("text", "selection"),
     [

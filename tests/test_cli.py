@@ -89,6 +89,14 @@ def test_quiet_leaves_what_is_printed_and_says_nothing_beside_it(
 def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
     assert "No such command" in within(capsys, "nix").complaint
+    assert within(capsys, "compare", "a.log", "b.log").complaint == (
+        "No such command 'compare': did you mean 'diff' (Compare two runs, servo by servo)?"
+    )
+    assert within(capsys, "measure").complaint == (
+        "No such command 'measure': did you mean 'stats' "
+        "(Count and measure: load, rates, times, errors)?"
+    )
+    assert "Did you mean 'cut'?" in within(capsys, "cut2").complaint
     assert (
         within(capsys, "decode").complaint
         == "Missing argument 'FILE...': see `sniffer decode --help`"

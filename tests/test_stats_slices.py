@@ -192,3 +192,35 @@ def test_too_many_slices_are_refused_and_none_without_a_clock(
     silent = DAMAGED.with_name("mightyzap_manual.hex")
     ran = within(capsys, "stats", silent, "--every", "1s", "--format", "json")
     assert "slices" not in json.loads(ran.out)["buses"][0]
+
+
+def test_figures_of_one_bus_tell_nothing_of_another(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "two.log"
+    lines = [f"({n / 100:.6f}) {bus} #FFFFFF{n % 2 + 1:02X}02F1{0xB - n % 2:02X}\n"
+             for n in range(40) for bus in ("arm", "leg")]  # fmt: skip
+    path.write_text("".join(lines))
+    how = ("--protocol", "mightyzap", "--baud", "57600")
+    both = within(capsys, "stats", path, *how).out
+    assert [line for line in both.splitlines() if " at 57600 baud" in line] == [
+        "arm: mightyzap at 57600 baud",
+        "leg: mightyzap at 57600 baud",
+    ]
+    one = within(capsys, "stats", path, *how, "--bus", "leg", "--every", "1s").out
+    assert "leg: mightyzap" in one
+    assert "arm" not in one
+    none = within(capsys, "stats", path, *how, "--servo", "9").out
+    assert "arm: mightyzap" in none
+
+
+def test_anomalies_over_time_tell_of_no_bytes_and_no_load(capsys: Capsys) -> None:
+    said = within(capsys, "stats", DAMAGED, "--code", "no-response", "--every", "2s").out
+    lines = said.splitlines()
+    at = lines.index(" over time")
+    assert [line.split() for line in lines[at + 1 : at + 7]] == [
+        ["from", "errors", "warnings"],
+        ["22:55:06", "1", "0"],
+        ["22:55:08", "5", "0"],
+        ["22:55:10", "1", "0"],
+        ["22:55:12", "2", "0"],
+        ["22:55:14", "0", "0"],
+    ]

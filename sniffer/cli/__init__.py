@@ -221,6 +221,8 @@ def _with_help(error: click.ClickException) -> str:
         return told.rstrip(".") + meant
     if isinstance(error, click.NoSuchOption) and (why := _selects_no_rows(error)):
         return f"No such option '{error.option_name}': {why}"
+    if (unknown := _NO_COMMAND.match(told)) and (others := _who_does(error, unknown[1])):
+        return f"{unknown[0]}: {others}"
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
@@ -230,6 +232,22 @@ def _with_help(error: click.ClickException) -> str:
     else:
         told = f"{told.rstrip('.')}:"
     return f"{told} see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+_NO_COMMAND: Final = re.compile(r"No such command '([^']+)'")
+
+
+def _who_does(error: click.ClickException, word: str) -> str:
+    """Return which commands say of themselves in a line that they do what a word says."""
+    group = error.ctx.command if isinstance(error, click.UsageError) and error.ctx else None
+    if not isinstance(group, click.Group):
+        return ""
+    told = {name: command.get_short_help_str(200) for name, command in group.commands.items()}
+    does = [n for n, line in told.items() if word.lower() in re.findall(r"\w+", line.lower())]
+    if not 0 < len(does) <= _FEW:
+        return ""
+    meant = [f"'{name}' ({told[name].rstrip('.')})" for name in does]
+    return f"did you mean {' or '.join(meant)}?"
 
 
 _FEW: Final = 3

@@ -162,7 +162,7 @@ def convert_opened(
     name = name_of(source)
     every = [*decoded, *sinks]
     if raw and asked is not None and asked.selection is not None:
-        every += _selected(raw, outputs, tell)
+        every += _selected(raw, outputs, asked.selection, tell)
         raw = []
     copies = Copies(raw)
     if raw and not every:
@@ -204,14 +204,22 @@ def _without_rows(path: Path, lacking: Sequence[str]) -> str:
     return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
 
 
-def _selected(raw: Sequence[RawFile], outputs: Sequence[Path], tell: Teller) -> list[Sink]:
+def _selected(
+    raw: Sequence[RawFile], outputs: Sequence[Path], selection: Selection, tell: Teller
+) -> list[Sink]:
     """Return sinks that write the selected frames to files of bytes, and say what those lack."""
     from sniffer.sinks import BYTES
-    from sniffer.sinks.selected import LEFT_OUT, SelectedBytes
+    from sniffer.sinks.selected import LEFT_OUT, UNFRAMED, SelectedBytes
 
+    has_frames = not UNFRAMED.issuperset(selection.tables)
+    told = (
+        f"has no bytes: {and_(list(selection.tables))} are no frames; `sniffer decode` shows theirs"
+    )
     for path in outputs:
         if path.suffix.lower() in BYTES:
             tell.talk(f"{path} {LEFT_OUT}")
+            if not has_frames:
+                tell.talk(f"{path} {told}")
     return [SelectedBytes(file) for file in raw]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.ground.amounts import time_in
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, one_line
 
@@ -25,6 +26,9 @@ _TOKEN: Final = re.compile(
     )""",
     re.VERBOSE,
 )
+
+
+_WITH_UNIT: Final = re.compile(r"[\d.]+[A-Za-z]+")
 
 
 class Token(NamedTuple):
@@ -62,7 +66,9 @@ def _unread(rest: str) -> str:
     if rest[0] in "'\"":
         return "a quote that is opened here is not closed"
     if rest[0].isdigit():
-        return "this is no number"
+        time = _WITH_UNIT.match(rest)
+        ns = time_in(time[0], bare=False) if time else None
+        return "this is no number" + (f": in ns it is {ns}" if ns is not None else "")
     if rest[0] in "*/%|":
         return "there is no arithmetic: compare columns with numbers, texts or each other"
     return f"{rest[0]!r} is nothing that an expression can have"

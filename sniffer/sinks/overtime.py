@@ -39,18 +39,18 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
     if slices is None:
         return None
     first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
-    columns = {
-        "from": [_of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))],
-        "load": [percent(share) for share in shares],
-    }
+    columns = {"from": [_of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))]}
+    # none of what nobody asked for is no finding: anomalies alone have no bytes
+    has_bytes = tables is None or any(table != "anomalies" for table in tables)
+    if has_bytes:
+        columns["load"] = [percent(share) for share in shares]
     for name, column in slices.items():
-        # none of what nobody asked for is no finding
-        if isinstance(column, list) and (
-            tables is None or COUNTED_OF.get(name, tables[0]) in tables
-        ):
+        of = COUNTED_OF.get(name)
+        told = has_bytes if of is None else tables is None or of in tables
+        if isinstance(column, list) and told:
             columns[name] = [*map(str, column)]
     replies = slices["response_time_ns"]
-    for name in REPLY_FIGURES if any(replies["count"]) else ():
+    for name in REPLY_FIGURES if has_replies(bus) else ():
         columns[f"reply {name}"] = ["" if q is None else Bounds(*q).ms() for q in replies[name]]
     apart = 2 if width >= ROOMY else 1
     for name in ("", *SPARED):  # a number that is cut off says something else
@@ -60,12 +60,18 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
             break
     table = Tabulated(*columns)
     drawn = min(width - taken - apart, BARS_MOST)
-    if width >= ROOMY and drawn >= BARS_LEAST:
+    if has_bytes and width >= ROOMY and drawn >= BARS_LEAST:
         table.add_column("", left=True)
         columns[""] = ["█" * int(np.ceil(min(share, 1.0) * drawn)) for share in shares]
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
+
+
+def has_replies(bus: Mapping[str, Any]) -> bool:
+    """Tell whether response times stand over time."""
+    slices = bus.get("slices")
+    return slices is not None and any(slices["response_time_ns"]["count"])
 
 
 def _of_day(t_ns: int, step_ns: int) -> str:

@@ -24,6 +24,10 @@ LEFT_OUT: Final = (
 """What is told of such a file."""
 
 
+UNFRAMED: Final = frozenset({"gaps", "anomalies"})
+"""Tables whose rows are of no frame: a selection of these alone has nothing for such a file."""
+
+
 class SelectedBytes:
     """A sink that hands the selected frames to a file of bytes, a chunk a frame."""
 

@@ -14,7 +14,7 @@ from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.consoles import NARROWEST, console_for, room_in, unfold
-from sniffer.sinks.overtime import BARS_MOST, over_time
+from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 
 if TYPE_CHECKING:
@@ -34,6 +34,10 @@ MOST: Final = 24
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 Row = tuple[Any, ...]
+
+
+HAVING: Final = ("bytes", "commands", "servos", "anomalies", "alarms")
+"""What a bus has something of, if something of it is selected."""
 
 
 def print_stats(
@@ -56,7 +60,7 @@ def print_stats(
     console.width = width
     unfold(console)
     with console.capture() as printed:
-        for nth, bus in enumerate(figures["buses"]):
+        for nth, bus in enumerate(_selected(figures["buses"], tables)):
             if nth:
                 console.print()
             _print_bus(bus, statistics, console, width, most, how, tables)
@@ -65,6 +69,14 @@ def print_stats(
     if not console.encoding.lower().startswith("utf"):
         text = text.translate(str.maketrans(BARS, PLAIN_BARS))
     console.file.write(text)
+
+
+def _selected(
+    buses: Sequence[Mapping[str, Any]], tables: Sequence[str] | None
+) -> Sequence[Mapping[str, Any]]:
+    """Return the buses that have something of what is selected; all where none has."""
+    having = [bus for bus in buses if any(bus[name] for name in HAVING)]
+    return having or buses if tables is not None else buses
 
 
 def _print_bus(
@@ -83,7 +95,10 @@ def _print_bus(
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
-        ("over time (response times in ms)", over_time(bus, width, tables)),
+        (
+            "over time (response times in ms)" if has_replies(bus) else "over time",
+            over_time(bus, width, tables),
+        ),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),

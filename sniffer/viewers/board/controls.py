@@ -53,6 +53,11 @@ class Controls:
     """The servos of the last picture, from above; whoever draws sets it."""
 
     @property
+    def is_sorted(self) -> bool:
+        """Whether somebody asks for an order."""
+        return self.sort != "id" or self.turned
+
+    @property
     def falls(self) -> bool:
         """Whether the greatest stands first, which is usual for all but ids."""
         return (self.sort != "id") != self.turned

@@ -113,7 +113,10 @@ class Picture:
         return [*out[: self._height - 1], self.footer()] if self._height > 0 else []
 
     def _cut(self, room: int, servos: list[tuple[int, int]]) -> list[Line]:
-        """Return a table of so many lines, the last of which says what is not in it."""
+        """Return a table of so many lines, the last of which says what is not in it.
+
+        Servos in trouble are kept, or those that come first in the order somebody asks for.
+        """
         buses = sorted(range(len(self._rows)), key=lambda nth: not self._is_trouble(nth))
         buses = sorted(buses[: max(room - 1, 0)])
         ranked: list[tuple[bool, bool, int, int, int]] = []
@@ -122,6 +125,8 @@ class Picture:
             rows = self._rows[nth]
             if nth in buses and rows is not None:
                 worth = not rows.troubled(row), not rows.heard(row)
+                if self._controls is not None and self._controls.is_sorted:
+                    worth = False, False  # who asks for the greatest wants to see the greatest
                 place = rank[nth, *worth] = rank.get((nth, *worth), 0) + 1
                 ranked.append((*worth, place, nth, row))
         kept = {e[-2:] for e in sorted(ranked)[: max(room - 1 - len(buses), 0)]}
