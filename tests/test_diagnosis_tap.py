@@ -66,6 +66,21 @@ def alarms(diagnosis: Diagnosis) -> list[str]:
     return [i.cause for i in diagnosis.incidents() if i.severity > Severity.NOTE]
 
 
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        (MarkKind.LOST, "Plug it in again: the recording goes on by itself"),
+        (MarkKind.OVERRUN, "Do not blame the servos for what is missing here."),
+    ],
+)
+def test_what_the_tap_told_itself_says_what_to_do_about_it(kind: MarkKind, told: str) -> None:
+    talk = robot("mightyzap", 4)
+    chunks = [replace(chunk, direction=Direction.UNKNOWN) for chunk in talk.chunks]
+    chunks[900:1100] = [Chunk(b"", chunks[900].t_ns, Clock.SAMPLE, marks=(Mark(kind, 0),))]
+    (incident,) = (i for i in talk.diagnosed(chunks).incidents() if i.cause == "tap-loss")
+    assert incident.next.startswith(told)
+
+
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_an_adapters_echo_is_one_note_and_no_alarm_stands_beside_it(protocol: str) -> None:
     talk = robot(protocol, 4)

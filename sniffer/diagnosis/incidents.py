@@ -11,6 +11,7 @@ from sniffer.diagnosis.model import Incident
 from sniffer.diagnosis.rules import FINDINGS, findings
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
+from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import and_
 
@@ -30,6 +31,9 @@ LOOKS_SO: Final = 0.1
 TOLD: Final = 5
 """Findings that a story has."""
 
+OF_THE_TAP: Final = frozenset(code for code, entry in CATALOGUE.items() if entry.group == "capture")
+"""What a tap met itself: codes of anomalies that have their own remedy."""
+
 AHEAD_NS: Final = MappingProxyType(
     dict.fromkeys(("voltage-sag", "load-high", "load-high-and-still", "temperature-high"), NS // 4)
 )
@@ -47,8 +51,11 @@ def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Inciden
     first, *others = explained.causes
     cause = CAUSES[first.cause]
     rival = others[0] if others else None
-    sign = FINDINGS.get(explained.key.code)
-    doing = (sign and sign.remedy) or cause.remedy
+    code = explained.key.code
+    sign = FINDINGS.get(code)
+    # what the tap itself told knows better than its cause what became of it
+    told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
+    doing = (sign and sign.remedy) or told or cause.remedy
     if first.confidence < SURE and rival is not None:
         settle = (sign and sign.settle) or cause.settle
         doing = f"{settle} (It may be {CAUSES[rival.cause].title} instead.)"
