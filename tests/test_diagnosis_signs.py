@@ -174,3 +174,21 @@ def test_an_id_that_is_misread_in_ones_own_head_names_nobody_else() -> None:
     told = robot("mightyzap", servos=SERVOS, instead=instead, goals=False).diagnosed()
     assert "bad-checksum" in codes(told)
     assert not names(told)
+
+
+def test_two_of_one_id_whose_heads_are_mixed_do_not_speak_for_another_id() -> None:
+    """51 and 51, two bits apart, are read as 32 by a receiver."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 51:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        own, other = (talk.tongue.answer(servo, p) for p in (0.4, 0.6))
+        talk.say(heard(both(sent(own), sent(other, begin=0.6 + cycle % 9 / 4), min)))
+        talk.rest(0.5)
+        return True
+
+    told = robot("rs30x", servos=(20, 32, 51), instead=instead, goals=False).diagnosed()
+    assert (51,) in [servos for _, servos in verdicts(told.incidents())]
+    assert "speaks-unasked" not in codes(told)

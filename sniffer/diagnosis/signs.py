@@ -130,8 +130,10 @@ def _signed(case: Case) -> Mapping[int, int]:
     sizes = sorted(set(map(len, telling)))
     out = {}
     for d in case.damages:
-        awaited = d.turn == IN_REPLY
-        got = _behind_head(d.got, signs.get(d.asked_id, ())) if awaited else d.got
+        awaited, own = d.turn == IN_REPLY, signs.get(d.asked_id, ())
+        if awaited and not any(d.got.startswith(one) for one in own):
+            continue  # two of one id make any other of it
+        got = _behind_head(d.got, own) if awaited else d.got
         parts = (got[k : k + n] for n in sizes for k in range(len(got) - n + 1))
         found = {telling[part] for part in parts if part in telling}
         if awaited:
