@@ -45,6 +45,7 @@ class Spaced:
         Raises:
             OutputError: there are too many rows, for the clock leaps.
         """
+        # stamps of two reads may overlap by some ms: what was said later stands in no earlier row
         slot = np.maximum.accumulate(np.concatenate([self._slot, -(-t_ns // self._step)]))
         self._slot = slot
         self._column = np.concatenate([self._column, column])

@@ -23,16 +23,21 @@ def clock(t_ns: int) -> str:
     return f"{moment:%H:%M:%S}.{t_ns % NS:09d}"
 
 
-@pytest.mark.parametrize("said", ["seconds", "clock", "iso", "minutes"])
+@pytest.mark.parametrize("said", ["seconds", "clock", "iso", "minutes", "before the end"])
 def test_a_stretch_is_the_same_for_every_command(said: str, capture: Capture, asker: Asker) -> None:
     first = min(r["t_ns"] for r in capture.in_order)
-    begin, end = first + 3 * NS // 2, first + 3 * NS
+    last = max(r["t_ns"] for r in capture.in_order if r["type"] in ("frame", "gap"))
+    is_before = said == "before the end"
+    begin, end = (
+        (last - 2 * NS, last - NS // 2) if is_before else (first + 3 * NS // 2, first + 3 * NS)
+    )
     day = datetime.datetime.fromtimestamp(first // NS, datetime.UTC).date()
     ends = {
         "seconds": ("1.5", "3"),
         "clock": (clock(begin), clock(end)),
         "iso": (f"{day}T{clock(begin)}Z", f"{day}T{clock(end)}Z"),
         "minutes": ("0.025min", "0.05min"),
+        "before the end": ("-2s", "-500ms"),
     }[said]
     asked = ("--from", ends[0], "--to", ends[1])
     inside = [r for r in capture.of("frame") if begin <= r["t_ns"] <= end]
