@@ -106,41 +106,6 @@ def test_a_place_is_a_time_in_any_form(place: str, at_ns: int | None, capsys: Ca
         assert abs(asked - BEGINS_NS - at_ns) < 2_000_000
 
 
-@pytest.mark.parametrize(
-    ("part", "from_ns", "to_ns"),
-    [
-        (("--from", "-2s"), 2_000_000_000, None),
-        (("--from", "-2", "--to", "-500ms"), 2_000_000_000, 500_000_000),
-        (("--to", "-2.5"), None, 2_500_000_000),
-        (("--from", "-1h"), 3_600_000_000_000, None),
-    ],
-)
-def test_a_place_with_a_minus_is_so_long_before_the_end(
-    part: tuple[str, ...],
-    from_ns: int | None,
-    to_ns: int | None,
-    whole: list[dict[str, Any]],
-    capsys: Capsys,
-) -> None:
-    end = max(row["t_ns"] for row in whole if row["type"] in ("frame", "gap"))
-    *rows, summary = told(capsys, *part)
-    asked = summary["selection"]
-    want = [None if ns is None else end - ns for ns in (from_ns, to_ns)]
-    assert [asked["from_ns"], asked["to_ns"]] == want
-    assert "before its end" in asked["part"]
-    frames = [row for row in rows if row["type"] == "frame"]
-    first, last = want[0] or 0, want[1] or end
-    assert frames == [
-        row for row in whole if row["type"] == "frame" and first <= row["t_ns"] <= last
-    ]
-
-
-def test_a_part_before_the_end_that_ends_before_it_begins_is_refused(capsys: Capsys) -> None:
-    ran = within(capsys, "decode", CAPTURE, "--from", "-1s", "--to", "-2s")
-    assert (ran.status, ran.out) == (2, "")
-    assert "--to must lie behind --from" in ran.err
-
-
 def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsys: Capsys) -> None:
     anomalies = [row for row in whole if row["type"] == "anomaly"]
     errors = [row for row in anomalies if row["severity"] == "error"]

@@ -82,9 +82,9 @@ _FROM = click.option(
     "start",
     callback=_place,
     metavar="PLACE",
-    help="Begin there: 10 (seconds), 10min, -5s (before the end), 20:35:20.5, an ISO time, "
-    "@first-error (of what is selected), @first-error:servo=3, @no-response (the first), "
-    "@no-response:3, @anomaly:7, @byte:12175 (of several buses @byte:arm:12175).",
+    help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error (of what is "
+    "selected), @first-error:servo=3, @no-response (the first), @no-response:3, @anomaly:7, "
+    "@byte:12175 (of several buses @byte:arm:12175), -5s (before the end).",
 )
 _AROUND = click.option(
     "--around",
