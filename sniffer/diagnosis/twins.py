@@ -183,6 +183,9 @@ def _give(found: dict[int, Twin], all_torn: Followed) -> None:
             for some in (twin.torn, twin.stray, twin.foreign, twin.crossed)
         )
     whose = found.setdefault(all_torn.servo_id, Twin(all_torn.servo_id))
+    for servo, twin in list(found.items()):
+        if twin is not whose and twin.twice < LEFT * len(places):  # what it did to those behind it
+            found[servo] = Twin(servo)
     whose.crossed += all_torn.requests
     whose.foreign += [d for d in all_torn.replies if d.servo_id != whose.servo_id]
 

@@ -14,7 +14,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import twins
+from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -81,6 +81,9 @@ framed from several bytes on), and how much an alarm counts there that is said o
 
 MOMENT_NS: Final = NS
 """Servos are asked one after the other."""
+
+OWN: Final = 0.9
+"""Part of the torn places with a servo's bytes that must be second answers of it for none to be more."""
 
 SELDOM: Final = 1 / 3
 """Part of the exchanges behind which a second servo surely would be heard."""
@@ -247,7 +250,7 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
         others = [other for s, other in begins.items() if s != servo]
         signs[servo] = sign_of(own, [*others, *requests])
     within = signed(case)
-    return {
+    found = {
         servo: [
             d
             for d in case.damages
@@ -261,6 +264,19 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
         ]
         for servo, sign in signs.items()
     }
+    return {s: () if _answers_so(case, s, pieces) else pieces for s, pieces in found.items()}
+
+
+def _answers_so(case: Case, servo: int, pieces: Sequence[Damage]) -> bool:
+    """Tell whether pieces are second answers, each to an earlier request to a servo of two.
+
+    It gives them time and again, not now and then as a device that has something to say.
+    """
+    twin = twins(case).get(servo)
+    if twin is None or twin.twice < SELDOM * case.total("ok", servo):
+        return False
+    theirs = torn_by_twins(case)
+    return sum(d.at in theirs for d in pieces) >= OWN * len(pieces)
 
 
 def _is_into_request(d: Damage) -> bool:
