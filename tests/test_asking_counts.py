@@ -154,13 +154,18 @@ def test_a_table_has_the_selected_rows_and_one_that_can_have_none_is_told(
     ],
 )
 def test_a_file_of_bytes_of_what_is_no_frame_says_that_it_has_none(
-    asked: tuple[str, str], rows: str, tmp_path: Path, capsys: Capsys
+    asked: tuple[str, str],
+    rows: str,
+    tmp_path: Path,
+    capsys: Capsys,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     out = tmp_path / "x.hex"
     ran = within(capsys, "convert", DAMAGED, out, *asked)
     assert (ran.status, out.read_text()) == (0, "")
     told = f"{out} has no bytes: {rows} are no frames; `sniffer decode` shows theirs"
     assert told in ran.err
+    monkeypatch.setenv("COLUMNS", "200")  # who is piped gets it whole, who has 80 columns does not
     shown = within(capsys, "decode", DAMAGED, *asked).out
     assert "FF FF FF" in shown
 
