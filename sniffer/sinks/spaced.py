@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.amounts import time_as
-from sniffer.ground.model import OutputError
+from sniffer.ground.model import NS, OutputError
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
@@ -63,8 +64,13 @@ class Spaced:
         begin, self._next = self._next, stop
         if stop - begin > MOST:
             raise OutputError(
-                f"{stop - begin} rows of {time_as(self._step)} are too many: the clock leaps by "
-                f"{(stop - begin) * self._step / 1e9:.6g} s; take a part with --from and --to"
+                Sentence(
+                    "{rows} rows of {step} are too many: the clock leaps by {leap} s; take a "
+                    "part with {start} and {stop}",
+                    rows=stop - begin,
+                    step=time_as(self._step),
+                    leap=f"{(stop - begin) * self._step / NS:.6g}",
+                )
             )
         n = int(np.searchsorted(self._slot, stop))
         made = self._slot[:n] - begin, self._column[:n], self._value[:n]
