@@ -34,6 +34,11 @@ _LOOKED_AT: Final = 256
 _SECONDS: Final = 10  # digits of a time since 1970
 
 _PAIRS: Final = later(rb" *(?:[0-9A-Fa-f]{2} +)*")
+_FRAMES: Final = b" |;<>"
+"""What stands around bytes as text."""
+_UNFRAMED: Final = later(rb"[^ |;<>]")
+_AS_TEXT: Final = bytes(byte if 32 <= byte < 127 else 0x2E for byte in range(256))
+"""What stands there for each byte."""
 _LEAST: Final = 4
 """So many bytes stand once more as text before that is no chance."""
 
@@ -72,10 +77,14 @@ def _hex_before_text(line: bytes) -> tuple[int, int] | None:
     pairs = _PAIRS.match(line)
     hexes = list(re.finditer(rb"[0-9A-Fa-f]{2}(?= )", pairs[0])) if pairs else []
     data = bytes.fromhex(b"".join(match[0] for match in hexes).decode("ascii"))
+    text, whole = data.translate(_AS_TEXT), line.rstrip(_FRAMES)
+    first = text.lstrip(_FRAMES)[:1]
     for size, match in enumerate(hexes, 1):
-        rest = line[match.end() :].strip(b" |;<>")
-        shown = bytes(byte if 32 <= byte < 127 else 0x2E for byte in data[:size])
-        if rest and rest == shown.strip(b" |;<>"):
+        rest = _UNFRAMED.search(whole, match.end())
+        # most are told apart without a look at all of them: a line may have a million bytes
+        if rest is None or rest[0] != first or len(whole) - rest.start() > size:
+            continue
+        if whole[rest.start() :] == text[:size].strip(_FRAMES):
             return size, match.end()
     return None
 
