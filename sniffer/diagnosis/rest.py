@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections import defaultdict
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.model import Incident
@@ -49,11 +49,10 @@ class Rest:
         place = shlex.quote(f"{self.source}@{self.code}")
         return f"{self.doing} `sniffer explain {place}` draws the first of them."
 
-    def of(self, source: str | Path | Sequence[str | Path]) -> Rest:
+    def of(self, inputs: Sequence[str | Path]) -> Rest:
         """Return the same of a capture; several files, or standard input, cannot be named."""
-        paths = [source] if isinstance(source, str | Path) else source
-        name = str(paths[0]) if len(paths) == 1 else "-"
-        return self if name == "-" else replace(self, source=name)
+        names = [*map(str, inputs)]
+        return self if names == ["-"] or len(names) > 1 else replace(self, source=names[0])
 
 
 def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
@@ -64,7 +63,7 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
     in which nothing is wrong.
     """
     explained = {(i.bus, f.code) for i in incidents for f in i.findings}
-    told: list[tuple[int, str, str]] = []
+    told: list[tuple[int, str, str, Case]] = []
     for case in cases:
         begun = len(told)
         counts: dict[str, dict[int, int]] = defaultdict(lambda: defaultdict(int))
@@ -85,17 +84,18 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
         for code, by_servo in counts.items():
             if by_servo and (case.bus, code) not in explained:
                 n = int(np.sum(list(by_servo.values())))
-                told.append((n, code, f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}"))
+                words = f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}"
+                told.append((n, code, words, case))
         told[begun:] = sorted(told[begun:], key=lambda t: -t[0])  # bus by bus
     if not told:
         return Rest()
-    n, most, _ = max(told, key=lambda t: t[0])
-    return Rest(", ".join(words for _, _, words in told), _doing(cases, n, most), most)
+    n, most, _, case = max(told, key=lambda t: t[0])
+    return Rest(", ".join(words for _, _, words, _ in told), _doing(case, n, most), most)
 
 
-def _doing(cases: Sequence[Case], n: int, code: str) -> str:
-    """Return what to do about the code that came most often."""
-    asked = sum(case.total("asked", servo) for case in cases for servo in case.answering)
+def _doing(case: Case, n: int, code: str) -> str:
+    """Return what to do about the code that came most often, on the bus where it did."""
+    asked = sum(case.total("asked", servo) for servo in case.answering)
     if code != MISSING or n > FEW * asked:
         return CATALOGUE[code].remedy
     # who answers all the rest is there, at this rate, and is set to answer

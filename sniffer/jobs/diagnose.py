@@ -12,7 +12,7 @@ from sniffer.diagnosis import Diagnosis
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.through import hear_part
 from sniffer.protocols import PROTOCOLS
-from sniffer.sources.several import name_of
+from sniffer.sources.several import inputs_of, name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,7 +96,7 @@ def diagnose(
         incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
-        diagnosis.rest(incidents).of(source),
+        diagnosis.rest(incidents).of(inputs_of(source)),
         diagnosis.has_clock,
         done.ending,
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -102,8 +102,9 @@ def report(
     tell = tell or Teller(lambda line: None, quiet=True)
     with open_capture(inputs, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
-        name = name_of(source)
-        hearing = hear(opened, options, name=name, tell=tell, patience=patience, window=window)
+        hearing = hear(
+            opened, options, name=name_of(inputs), tell=tell, patience=patience, window=window
+        )
         notes = tuple(opened.notes)
         if (part := hearing.summary.narrowed.get("part")) is not None:
             notes = (f"a part of the capture, {part}", *notes)
@@ -111,8 +112,7 @@ def report(
         evidence = Exhibits(incidents)
         if not evidence.is_done:
             _draw(opened, options, evidence)
-        content = _content(hearing, opened, name, notes, incidents, evidence)
-        content = replace(content, rest=content.rest.of(source))
+        content = _content(hearing, opened, inputs, notes, incidents, evidence)
         done = Reported(content, hearing.ending)
     if path is None or hearing.ending == Ending.MISTAKEN:
         return done
@@ -148,14 +148,14 @@ def _draw(opened: Source, options: Options, evidence: Exhibits) -> None:
 def _content(
     hearing: HeardCapture,
     opened: Source,
-    name: str,
+    inputs: Sequence[str | Path],
     notes: tuple[str, ...],
     incidents: list[Incident],
     evidence: Exhibits,
 ) -> Content:
     now = datetime.datetime.now(datetime.UTC)
     return Content(
-        name=name,
+        name=name_of(inputs),
         described=opened.label,
         size=opened.size,
         facts=opened.facts(),
@@ -166,7 +166,7 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
-        rest=hearing.diagnosis.rest(incidents),
+        rest=hearing.diagnosis.rest(incidents).of(inputs),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )
