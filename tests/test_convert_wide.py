@@ -189,4 +189,5 @@ def test_a_step_that_is_none_or_goes_without_a_wide_table_is_refused(
 ) -> None:
     ran = within(capsys, "convert", LOG, tmp_path / "x.csv", "--every", given)
     assert ran.status == 2
-    assert ("--every goes with --wide" if given == "20" else "write a time such as") in ran.err
+    why = "write a time of 1 ms or more, such as 1s or 100ms"
+    assert ("--every goes with --wide" if given == "20" else why) in ran.err

@@ -13,6 +13,7 @@ from sniffer.cli.options import (
     examples,
     files_here,
     with_anonymise,
+    with_every,
     with_force,
     with_quiet,
 )
@@ -22,7 +23,6 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
-from sniffer.ground.amounts import time_in
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.session import undecided_of
@@ -33,16 +33,6 @@ from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
 from sniffer.sinks.spaced import FINEST_NS
 from sniffer.sources.several import name_of
-
-
-def _step(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
-    """Read ``--every``."""
-    if given is None:
-        return None
-    ns = time_in(given, bare=True, least=FINEST_NS)
-    if ns is None:
-        raise click.BadParameter(f"{given[:40]!r}: write a time such as 20ms, from 1ms on")
-    return ns
 
 
 @click.command(
@@ -83,12 +73,9 @@ def _step(context: click.Context, parameter: click.Parameter, given: str | None)
     "was said.",
 )
 @click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
-@click.option(
-    "--every",
-    "every_ns",
-    callback=_step,
-    metavar="TIME",
-    help="With --wide: a row each such step of time, with the last values said in it: 20ms.",
+@with_every(
+    FINEST_NS,
+    "With --wide: a row each such step of time, with the last values said in it: 20ms.",
 )
 @click.option(
     "--topics", callback=topics_of, metavar="TOPIC,...",

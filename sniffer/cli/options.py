@@ -13,6 +13,7 @@ import click
 from sniffer.cli.profiles import with_profile
 from sniffer.cli.servos import models, with_registers
 from sniffer.cli.wires import WIRES, wiring_of
+from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import nearly
@@ -118,6 +119,19 @@ with_together = click.option(
 def captures_in(files: tuple[str, ...], *, together: bool) -> list[tuple[str, ...]]:
     """Return the files of each capture."""
     return [files] if together else [(file,) for file in files]
+
+
+def with_every(least_ns: int, about: str) -> Callable[[Command], Command]:
+    """Return ``--every``, a step of time in ns (``every_ns``), None where none is asked for."""
+
+    def read(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
+        ns = None if given is None else time_in(given, bare=True, least=least_ns)
+        if given is not None and ns is None:
+            least = f"{least_ns / 1e6:g} ms or more"
+            raise click.BadParameter(f"{given!r}: write a time of {least}, such as 1s or 100ms")
+        return ns
+
+    return click.option("--every", "every_ns", callback=read, metavar="TIME", help=about)
 
 
 with_force = click.option("--force", is_flag=True, help="Replace files that are there.")

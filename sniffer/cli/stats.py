@@ -12,6 +12,7 @@ from sniffer.cli.options import (
     captures_in,
     decoding,
     examples,
+    with_every,
     with_files,
     with_format,
     with_quiet,
@@ -22,21 +23,12 @@ from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.decoding.options import Options
-from sniffer.ground.amounts import time_in
 from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.statistics.flat import COLUMNS, rows
 from sniffer.statistics.slices import FINEST_NS
-
-
-def _width(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
-    """Read the width of slices of time."""
-    ns = None if given is None else time_in(given, bare=True, least=FINEST_NS)
-    if given is not None and ns is None:
-        raise click.BadParameter(f"{given!r}: write a time of 10 ms or more, such as 1s or 100ms")
-    return ns
 
 
 @click.command(
@@ -59,13 +51,10 @@ def _width(context: click.Context, parameter: click.Parameter, given: str | None
 @with_format(
     "text", "json", "csv", about="What is printed: a line a file (json), a row a figure (csv)."
 )
-@click.option(
-    "--every",
-    "every_ns",
-    callback=_width,
-    metavar="TIME",
-    help="Also tell load, missing answers, anomalies and response times slice by slice of time: "
-    "1s, 100ms, 1min.",
+@with_every(
+    FINEST_NS,
+    "Also tell load, missing answers, anomalies and response times slice by slice of time: 1s, "
+    "100ms, 1min.",
 )
 @click.option("--all", "all_rows", is_flag=True, help="Print all rows of long tables.")
 @with_quiet
