@@ -72,9 +72,8 @@ class TornPlace(NamedTuple):
 
     ``servo_id`` is in whose exchange it stands, ``own_id`` whose torn answer it may simply be (-1);
     ``named``: whose answer it says it is (-1: it does not say); ``is_within``: by bytes within what
-    is torn. ``is_little``: a stray byte, or a
-    request some bits of which are wrong, is no second answer. ``asked`` is how long the request is
-    in whose answer it stands.
+    is torn. ``is_little``: a stray byte, or a request some bits of which are wrong, is no second
+    answer. ``asked`` is how long the request is in whose answer it stands.
     """
 
     at: int

@@ -120,13 +120,8 @@ def signed(case: Case) -> Mapping[int, int]:
 def _signed(case: Case) -> Mapping[int, int]:
     if case.protocol.ordered or not case.damages:
         return {}
-    signs, said = _signs(case), _said(case)
-    whose: dict[bytes, set[int]] = {}
-    for servo, some in signs.items():
-        for one in some:
-            if one not in said:
-                whose.setdefault(one, set()).add(servo)
-    telling = {one: min(servos) for one, servos in whose.items() if len(servos) == 1}
+    signs = case.once(_signs)
+    telling = _telling_one(case.once(_unsaid))
     sizes = sorted(set(map(len, telling)))
     out = {}
     for d in case.damages:
@@ -168,8 +163,7 @@ def named_within(case: Case) -> Mapping[int, int]:
 def _named_within(case: Case) -> Mapping[int, int]:
     if case.protocol.ordered or not case.damages:
         return {}
-    signs, said = _signs(case), _said(case)
-    alone = {servo: [s for s in some if s not in said] for servo, some in signs.items()}
+    signs, alone = case.once(_signs), case.once(_unsaid)
     named = {
         d.at: servo
         for d in case.damages
@@ -180,11 +174,9 @@ def _named_within(case: Case) -> Mapping[int, int]:
         return {}
     ((one, count),) = Counter(named.values()).most_common(1)
     # two of one id lie over each other, and what they make of it may be another's now and then
-    whose = Counter(s for some in signs.values() for s in set(some))
-    telling = {servo: [s for s in some if whose[s] == 1] for servo, some in signs.items()}
-    twice = sum(
-        _has(d.got, telling.get(d.asked_id, ())) for d in case.damages if d.turn == IN_REPLY
-    )
+    telling = _telling_one(signs)
+    own = {servo: [s for s in some if s in telling] for servo, some in signs.items()}
+    twice = sum(_has(d.got, own.get(d.asked_id, ())) for d in case.damages if d.turn == IN_REPLY)
     if count < ALONE * (len(named) + twice):
         return {}
     return {at: servo for at, servo in named.items() if servo == one}
@@ -253,9 +245,19 @@ def _is_told(sign: bytes, told: Set[bytes]) -> bool:
     return all(part in told for part in parts)
 
 
-def _said(case: Case) -> Set[bytes]:
-    """Return what requests are read as."""
-    return {one for q in case.ledger.exchanges.kinds.requests for one in _read_as(q[:HEAD])}
+def _unsaid(case: Case) -> Mapping[int, Sequence[bytes]]:
+    """Return of each servo those that no request is read as."""
+    said = {one for q in case.ledger.exchanges.kinds.requests for one in _read_as(q[:HEAD])}
+    return {s: [one for one in some if one not in said] for s, some in case.once(_signs).items()}
+
+
+def _telling_one(signs: Mapping[int, Sequence[bytes]]) -> Mapping[bytes, int]:
+    """Return the signs that are one servo's alone, with whose they are."""
+    whose: dict[bytes, set[int]] = {}
+    for servo, some in signs.items():
+        for one in some:
+            whose.setdefault(one, set()).add(servo)
+    return {one: min(servos) for one, servos in whose.items() if len(servos) == 1}
 
 
 @functools.lru_cache(maxsize=1 << 12)
