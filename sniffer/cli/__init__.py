@@ -251,7 +251,7 @@ def _who_does(error: click.ClickException, word: str) -> str:
 
 
 _FEW: Final = 3
-"""Of an option that more commands have nobody is told which."""
+"""More commands than that are not named: nobody could choose."""
 
 
 def _who_takes(error: click.NoSuchOption) -> str:

@@ -14,6 +14,7 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import OUTCOMES, WHOLE
 from sniffer.ground.model import Batch, Chunk
 from sniffer.ground.units import word_of
+from sniffer.ground.wording import sum_digits
 from sniffer.protocols.base import BusProtocol, FieldSpan, view
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _meant(raw: bytes, protocol: BusProtocol, gap: Gap) -> tuple[tuple[FieldSpan
 def _told(detail: Mapping[str, Any]) -> Iterator[str]:
     """Yield what is known of bytes that are no frame, a line each."""
     sums = [v for k, v in detail.items() if k.startswith("checksum") and isinstance(v, int)]
-    digits = 4 if max(sums, default=0) > 0xFF else 2
+    digits = sum_digits(*sums)
     for key, value in detail.items():
         title = key.replace("_", " ")
         if isinstance(value, Mapping):

@@ -25,15 +25,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.codes import (
-    MANY,
-    MISMATCHED,
-    NEVER,
-    OK,
-    ON_ITS_OWN,
-    REQUEST,
-    RESPONSE,
-)
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, ON_ITS_OWN, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
 from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask

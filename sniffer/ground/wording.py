@@ -46,8 +46,13 @@ def and_(words: list[str]) -> str:
 
 def sums_in_words(got: int, expected: int) -> str:
     """Return what a checksum is and should be, both of as many digits."""
-    digits = 4 if max(got, expected) > 0xFF else 2
+    digits = sum_digits(got, expected)
     return f"{got:0{digits}X} not {expected:0{digits}X}"
+
+
+def sum_digits(*sums: int) -> int:
+    """Return how many hex digits checksums are written with, all alike."""
+    return 4 if max(sums, default=0) > 0xFF else 2
 
 
 def offered(word: str, known: Iterable[str]) -> str:

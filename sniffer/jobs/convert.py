@@ -211,15 +211,13 @@ def _selected(
     from sniffer.sinks import BYTES
     from sniffer.sinks.selected import LEFT_OUT, UNFRAMED, SelectedBytes
 
-    has_frames = not UNFRAMED.issuperset(selection.tables)
-    told = (
-        f"has no bytes: {and_(list(selection.tables))} are no frames; `sniffer decode` shows theirs"
-    )
-    for path in outputs:
-        if path.suffix.lower() in BYTES:
-            tell.talk(f"{path} {LEFT_OUT}")
-            if not has_frames:
-                tell.talk(f"{path} {told}")
+    told = [LEFT_OUT]
+    if UNFRAMED.issuperset(selection.tables):
+        what = and_(list(selection.tables))
+        told.append(f"has no bytes: {what} are no frames; `sniffer decode` shows theirs")
+    for path in (path for path in outputs if path.suffix.lower() in BYTES):
+        for words in told:
+            tell.talk(f"{path} {words}")
     return [SelectedBytes(file) for file in raw]
 
 

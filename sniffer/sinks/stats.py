@@ -75,8 +75,9 @@ def _selected(
     buses: Sequence[Mapping[str, Any]], tables: Sequence[str] | None
 ) -> Sequence[Mapping[str, Any]]:
     """Return the buses that have something of what is selected; all where none has."""
-    having = [bus for bus in buses if any(bus[name] for name in HAVING)]
-    return having or buses if tables is not None else buses
+    if tables is None:
+        return buses
+    return [bus for bus in buses if any(bus[name] for name in HAVING)] or buses
 
 
 def _print_bus(
