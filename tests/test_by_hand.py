@@ -16,7 +16,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.reference import Reference
 from sniffer.ground.checksums import SUM8
 from sniffer.ground.codes import MUST, NEVER, OUTCOMES, REQUEST, RESPONSE
 from sniffer.ground.framing import Block, frame_by_plan
@@ -28,7 +27,7 @@ from sniffer.protocols.base import SlowFrame, view
 from sniffer.protocols.by_hand import ByHand
 from sniffer.protocols.packets import Packet, Seal
 from sniffer.protocols.shapes import Addressed
-from tests.records import batches, gaps, records
+from tests.records import held_to_the_oracle
 from tests.streams import chunked, damaged
 
 if TYPE_CHECKING:
@@ -178,14 +177,7 @@ def test_columns_say_what_the_oracle_says_of_packets_without_a_header(data: st.D
     talk = data.draw(st.lists(st.sampled_from(TALK), max_size=8).map(b"".join))
     talk = data.draw(st.one_of(st.just(talk), damaged(talk)))
     chunks = data.draw(chunked(talk, byte_time_ns(PROTOCOL.baud), PROTOCOL.tail_ns))
-    parts = batches(Decoder(PROTOCOL), [chunks])
-    got, want = records(parts), Reference(PROTOCOL).decode(chunks)
-    assert got.frames == want.frames
-    assert got.transactions == want.transactions
-    assert got.samples == want.samples
-    one = batches(Decoder(PROTOCOL), [[c] for c in chunks])
-    assert records(one) == got
-    assert gaps(one) == gaps(parts)
+    held_to_the_oracle(PROTOCOL, chunks)
 
 
 def test_what_a_protocol_does_not_say_itself_is_said_for_it() -> None:

@@ -99,6 +99,12 @@ def test_what_else_tears_all_answers_of_the_only_servo_is_no_clock(
     assert "clock-off" not in codes(answering(protocol, tears).diagnosed())
 
 
+def ask_the_fast_one(talk: Conversation, servo: int, place: float) -> None:
+    talk.say(talk.tongue.ask(servo))
+    talk.rest(0.4)
+    talk.say(fast(talk.tongue.answer(servo, place)))
+
+
 def test_answers_in_turn_with_others_that_tell_nothing_are_compared_all_the_same() -> None:
     """Every fourth answer is told; of those between only a bare byte is heard."""
 
@@ -110,9 +116,7 @@ def test_answers_in_turn_with_others_that_tell_nothing_are_compared_all_the_same
             talk.rest(0.4)
             talk.say(fast(b"\x07"))
         else:
-            talk.say(talk.tongue.ask(servo))
-            talk.rest(0.4)
-            talk.say(fast(talk.tongue.answer(servo, swinging(servo, talk.now_s))))
+            ask_the_fast_one(talk, servo, swinging(servo, talk.now_s))
         talk.rest(0.6)
         return True
 
@@ -131,9 +135,7 @@ def test_a_clock_whose_servo_is_asked_while_it_moves_is_no_interference_of_motor
         if servo != SICK or talk.now_s < 2:
             return False
         if talk.now_s % 4 > 2:
-            talk.say(talk.tongue.ask(servo))
-            talk.rest(0.4)
-            talk.say(fast(talk.tongue.answer(servo, path(servo, talk.now_s))))
+            ask_the_fast_one(talk, servo, path(servo, talk.now_s))
             talk.rest(0.6)
         return True
 

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.drawing import draw_frame, draw_gap
-from sniffer.decoding.reference import Reference
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
@@ -25,7 +24,7 @@ from sniffer.protocols.base import view
 from sniffer.protocols.explaining import pieces
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
-from tests.records import batches, gaps, records
+from tests.records import held_to_the_oracle
 from tests.streams import chunked, damaged
 from tests.streams.forms import FORMS, SIZED, said
 from tests.streams.formtalk import TALK
@@ -38,15 +37,7 @@ def test_columns_say_what_the_oracle_says_of_every_form(name: str, data: st.Data
     talk = data.draw(st.lists(st.sampled_from(TALK[name]), max_size=8).map(b"".join))
     talk = data.draw(st.one_of(st.just(talk), damaged(talk)))
     chunks = data.draw(chunked(talk, byte_time_ns(115200), protocol.tail_ns))
-    parts = batches(Decoder(protocol), [chunks])
-    got, want = records(parts), Reference(protocol).decode(chunks)
-    assert got.frames == want.frames
-    assert got.transactions == want.transactions
-    assert got.samples == want.samples
-    one = batches(Decoder(protocol), [[c] for c in chunks])
-    assert records(one) == got
-    assert gaps(one) == gaps(parts)
-    for b in parts:
+    for b in held_to_the_oracle(protocol, chunks):
         for i in range(len(b.frames)):
             raw, row = b.data[int(b.frames.start[i]) : int(b.frames.end[i])], view(b.frames, i)
             json.dumps(protocol.fields(raw, row))
