@@ -341,3 +341,5 @@ def test_where_nothing_is_shown_nothing_can_be_selected(
     ran = within(capsys, "record", "/dev/null", "--servo", "3", "-o", tmp_path / "x.mcap")
     told = "a selection is what --log prints and the board shows: a recording has everything"
     assert (ran.status, ran.complaint) == (2, told)
+    ran = within(capsys, "record", "/dev/null", "--bus", "arm", "-o", tmp_path / "x.mcap")
+    assert ran.complaint == f"{told}; a bus is named with its port: arm=PORT"

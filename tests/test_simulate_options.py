@@ -79,6 +79,9 @@ def test_every_kind_of_fault_has_a_name_and_a_usual_rate() -> None:
         (("lss", "--respond", "--fault", "nv-wear"), "plays no controller: --fault nv-wear"),
         (("wck", "--servos", "32"), "room for 1..31"),
         (("wck", "--servos", "one"), "write ids as 1,2,5"),
+        (("wck", "--servos", "3-1"), "write the lower id first, as in 3-6"),
+        (("wck", "--servos", "250-255"), "wck has the ids 0..253"),
+        (("wck", "--servos", "0-99999999"), "is not in the range"),
         (("lss", "--rate", "0"), "write a number of 1..100000, or max"),
         (("lss", "--rate", "9" * 5000), r"'9{30}\.\.\.': write a number of 1..100000, or max"),
         (("lss", "--respond", "--full"), "plays no controller"),
@@ -121,6 +124,7 @@ def test_a_folder_that_is_there_is_not_said_to_be_missing(
         ("mightyzap", "7,", [7]),
         ("mightyzap", "0", [0]),
         ("wck", "0,40", [0, 40]),
+        ("lss", "2-4,7", [2, 3, 4, 7]),
     ],
 )
 def test_servos_are_named_or_counted(

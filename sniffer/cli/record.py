@@ -230,6 +230,7 @@ def record(
     if selection is not None and not log and (quiet or usual_mode(sys.stderr) != BOARD):
         raise click.UsageError(
             "a selection is what --log prints and the board shows: a recording has everything"
+            + ("; a bus is named with its port: arm=PORT" if "bus" in selection.columns else "")
         )
     views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
     views["foxglove"] = foxglove or foxglove_at is not None

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sniffer.cli.options import Command, Whole, gathered
+from sniffer.cli.options import Command, gathered
+from sniffer.cli.servos import ids_in
 from sniffer.ground.amounts import time_in
-from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
 
@@ -30,18 +30,7 @@ def _ids(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[int, ...]:
     """Read servo ids; ``3-6`` are four of them."""
-    out: list[int] = []
-    kind: Any = Whole(0, IDS - 1)
-    for word in _listed(context, parameter, given):
-        first, dash, last = word.partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise click.BadParameter(f"{word!r} is no servo id: write ids as 3,5 or 3-6")
-        low = kind.convert(first, parameter, context)
-        high = kind.convert(last, parameter, context) if dash else low
-        if high < low:
-            raise click.BadParameter(f"{word!r}: write the lower id first, as in 3-6")
-        out += range(low, high + 1)
-    return tuple(dict.fromkeys(out))
+    return ids_in(_listed(context, parameter, given))
 
 
 def _place(context: click.Context, parameter: click.Parameter, given: str | None) -> str | None:

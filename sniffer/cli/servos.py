@@ -12,7 +12,29 @@ from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from sniffer.diagnostics.alarms import Alarm
+
+
+def ids_in(words: Iterable[str]) -> tuple[int, ...]:
+    """Return the servo ids that words say, each once: ``3-6`` are four of them.
+
+    Raises:
+        click.BadParameter: a word is neither an id nor a range, or an id is greater than 255.
+    """
+    out: list[int] = []
+    kind: Any = click.IntRange(0, IDS - 1)
+    for word in words:
+        first, dash, last = word.partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise click.BadParameter(f"{word!r} is no servo id: write ids as 3,5 or 3-6")
+        low = kind.convert(first, None, None)
+        high = kind.convert(last, None, None) if dash else low
+        if high < low:
+            raise click.BadParameter(f"{word!r}: write the lower id first, as in 3-6")
+        out += range(low, high + 1)
+    return tuple(dict.fromkeys(out))
 
 
 def models(

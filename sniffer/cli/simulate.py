@@ -14,7 +14,7 @@ import click
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import ProtocolName, Whole, examples, files_here, with_force
 from sniffer.cli.playback import told_bytes
-from sniffer.cli.servos import models
+from sniffer.cli.servos import ids_in, models
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.streams import say
 from sniffer.ground.limits import BAUDS
@@ -42,6 +42,21 @@ def _rate(
         told = repr(given if len(given) < 30 else f"{given[:30]}...")
         raise click.BadParameter(f"{told}: write a number of 1..{RATE_MOST}, or {MAX}")
     return int(given)
+
+
+def _servos(
+    context: click.Context, parameter: click.Parameter, given: str | None
+) -> int | tuple[int, ...] | None:
+    """Read ``1,2,5``, ``1-8`` or a number of servos."""
+    if given is None:
+        return None
+    words = [word.strip() for word in given.split(",") if word.strip()]
+    if not words or not set("".join(words)) <= set("0123456789-"):
+        raise click.BadParameter(f"{given!r}: write ids as 1,2,5 or 1-8, or how many")
+    ids = ids_in(words)
+    if "," in given or "-" in given or ids == (0,):  # no servo would be no bus: that is an id
+        return ids
+    return ids[0]
 
 
 def _faults(
@@ -75,7 +90,13 @@ def _faults(
     "PROTOCOL, --baud and --model it is decoded so; implies --respond.",
 )
 @click.option("--bus", "buses", multiple=True, metavar="NAME", help="With --like: which bus.")
-@click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
+@click.option(
+    "--servos",
+    "--servo",
+    metavar="IDS|N",
+    callback=_servos,
+    help="Who is on the bus: 1,2,5 or 1-8, or how many.",
+)
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="What a servo is (or all of them): mightyzap-12lf; may be repeated.",
@@ -123,7 +144,7 @@ def simulate(
     protocol: str | None,
     like: str | None,
     buses: tuple[str, ...],
-    servos: str | None,
+    servos: int | tuple[int, ...] | None,
     chosen: dict[int | None, str],
     baud: int | None,
     rate: int | str | None,
@@ -158,9 +179,7 @@ def simulate(
     elif buses:
         raise click.UsageError("--bus goes with --like")
     else:
-        scenario = Scenario(
-            protocol, servos=_servos(servos), baud=baud, respond=respond, models=chosen
-        )
+        scenario = Scenario(protocol, servos=servos, baud=baud, respond=respond, models=chosen)
     scenario = replace(
         scenario,
         seed=seed,
@@ -206,17 +225,6 @@ def _like(
 
     options = Options(protocol=protocol or AUTO, baud=baud, models=models)
     return scenario_like(file, options, buses=buses, tell=Teller(say))
-
-
-def _servos(text: str | None) -> int | tuple[int, ...] | None:
-    """Read ``1,2,5`` or a number of servos."""
-    if text is None:
-        return None
-    parts = [part.strip() for part in text.split(",") if part.strip()]
-    if not parts or not all(part.isdecimal() and len(part) < 4 for part in parts):
-        raise click.BadParameter(f"--servos {text!r}: write ids as 1,2,5, or how many")
-    ids = tuple(int(part) for part in parts)
-    return ids if "," in text or ids == (0,) else ids[0]  # no servo would be no bus: that is an id
 
 
 def _report(played: Played) -> None:

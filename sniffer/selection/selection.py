@@ -51,16 +51,21 @@ class Selection:
             self.tables = ("samples",)
         self._expression = expression
         if not self.tables:
-            raise InputError(Sentence("{where}: {why}", why=_apart(expression.columns)))
+            raise InputError(Sentence("{where}: {why}", why=_apart(self.columns)))
 
     def __repr__(self) -> str:
         return f"Selection({self.text!r})"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that the expression names."""
+        return tuple(self._expression.columns)
 
     def missing_in(self, table: str) -> tuple[str, ...]:
         """Return the columns of the expression that a table does not have."""
         if table in self.tables:
             return ()
-        return tuple(name for name in self._expression.columns if name not in TABLES[table])
+        return tuple(name for name in self.columns if name not in TABLES[table])
 
     def about(self, table: str) -> Selection | None:
         """Return what of it can be asked of a table's rows, None: nothing.
