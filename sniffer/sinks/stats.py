@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.durations import Bounds
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
@@ -107,6 +107,7 @@ def _print_bus(
         ("answers that are missing, worst first", _missing(bus, many=many)),
         ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
         ("following error (goal less position), greatest first", _errors(bus, first)),
+        ("lag behind goals that move, longest first", _lags(bus)),
         ("goal steps, slowest to settle first", _steps(bus)),
         ("values", _values(bus, first)),
         ("your rules", _alarms(bus)),
@@ -231,6 +232,20 @@ def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
         values = str(size["count"]), *half, number(worst["value"])
         table.add_row(_who(s), word_of(e["unit"]), *values, *place)
+    return table
+
+
+def _lags(bus: Mapping[str, Any]) -> Tabulated | None:
+    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"] if e["lag"]]
+    if not rows:
+        return None
+    table = Tabulated("servo", "unit", "values", "lag ms", "error (rms)", "without lag")
+    for s, e in sorted(rows, key=lambda r: -r[1]["lag"]["ns"][1]):
+        lag = e["lag"]
+        low, high = lag["ns"][0] // MS, -(-lag["ns"][1] // MS)
+        between = f"{low}-{high}" if low else f"<{high}"
+        left = number(lag["rms_unshifted"]), number(lag["rms"])
+        table.add_row(_who(s), word_of(e["unit"]), str(lag["count"]), between, *left)
     return table
 
 

@@ -11,6 +11,7 @@ from sniffer.decoding.durations import Quantiles
 from sniffer.statistics.figures import Extreme
 from sniffer.statistics.following import Follower
 from sniffer.statistics.goalsteps import GoalSteps
+from sniffer.statistics.lags import Lags
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,6 +41,7 @@ class Motion:
     def __init__(self, protocol: BusProtocol) -> None:
         self._follower = Follower(protocol)
         self.steps = GoalSteps(protocol.registers)
+        self.lags = Lags()
         self.errors: dict[tuple[int, str], ErrorFigures] = {}
         """By servo and unit."""
 
@@ -47,6 +49,7 @@ class Motion:
         """Take a batch, all of it; yield what it tells, servo by servo."""
         for course in self._follower.add(batch):
             self.steps.add(course)
+            self.lags.add(course)
             self._measure(course)
             yield course
 

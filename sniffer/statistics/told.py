@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sniffer.statistics.exceeding import ExceedingFigures
     from sniffer.statistics.figures import Extreme, ServoFigures
     from sniffer.statistics.goalsteps import StepFigures
+    from sniffer.statistics.lags import Lag
     from sniffer.statistics.motion import ErrorFigures
     from sniffer.statistics.sink import LaneNumbers, Statistics, WireBytes
     from sniffer.statistics.slices import EverySlice
@@ -194,7 +195,9 @@ def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> 
             for (quantity, unit), r in sorted(mine.values.items())
         ],
         "following_error": [
-            _error(unit, e) for (who, unit), e in motion.errors.items() if who == servo
+            _error(unit, e, motion.lags.of(servo, unit))
+            for (who, unit), e in motion.errors.items()
+            if who == servo
         ],
         "steps": [_steps(unit, s) for (who, unit), s in steps.items() if who == servo],
     }
@@ -206,8 +209,24 @@ def _extreme(end: Extreme | None) -> dict[str, Any] | None:
     return {"value": round(end.value, 9), "t_ns": end.t_ns, "offset": end.offset}
 
 
-def _error(unit: str, e: ErrorFigures) -> dict[str, Any]:
-    return {"unit": unit, "size": quantiles(e.size, MILLI), "worst": _extreme(e.worst)}
+def _error(unit: str, e: ErrorFigures, lag: Lag | None) -> dict[str, Any]:
+    return {
+        "unit": unit,
+        "size": quantiles(e.size, MILLI),
+        "worst": _extreme(e.worst),
+        "lag": _lag(lag),
+    }
+
+
+def _lag(lag: Lag | None) -> dict[str, Any] | None:
+    if lag is None:
+        return None
+    return {
+        "ns": [lag.low_ns, lag.high_ns],
+        "count": lag.count,
+        "rms": round(lag.rms, 6),
+        "rms_unshifted": round(lag.rms_unshifted, 6),
+    }
 
 
 def _steps(unit: str, s: StepFigures) -> dict[str, Any]:

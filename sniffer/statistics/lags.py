@@ -1,0 +1,153 @@
+"""By how much a servo is behind its goals: the shift in time that leaves the least error.
+
+A joint that follows a trajectory is never where its goal is, and its following error says how
+fast it moves as much as how well it follows. Shift the goals by some time and most of that error is
+gone: that time is the lag. What is left then is what the servo does otherwise than it was told.
+
+Five goals (t ms, mm) and three positions: every position is what the goal was 20 ms before it.
+
+    goals        0: 10   10: 11   20: 12   30: 13   40: 14
+    positions        25: 10           35: 11           45: 12
+    goal now             12               13               14    squares of the errors: 4 + 4 + 4
+    goal 20 ms ago       10               11               12    0 + 0 + 0
+
+Nothing is told where no shift does better than others: a goal that stands still fits with any, and
+a joint that hangs limp with none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import F64, I64
+    from sniffer.statistics.following import Course
+
+STEP_NS: Final = 4_000_000
+"""How far two shifts that are tried lie apart: less than servos are asked for where they are."""
+
+LONGEST_NS: Final = 500_000_000
+"""The longest shift that is tried: a joint further behind does not follow."""
+
+SHIFTS: Final = np.arange(0, LONGEST_NS + 1, STEP_NS)
+
+ENOUGH: Final = 50
+"""Positions of a moving goal that are needed."""
+
+MOST: Final = 4096
+"""So many are weighed, of the next so many every second one, of twice as many behind them every
+fourth...: a day costs little more than an hour."""
+
+DEEP: Final = 0.5
+"""What the best shift leaves of the mean square error of the worst one, at most."""
+
+NEAR: Final = 1.1
+"""A shift that leaves no more than so many times the least is as good: of a motion that repeats
+within ``LONGEST_NS`` the shortest one counts."""
+
+EACH: Final = 1000
+"""Errors are counted in whole thousandths of their unit: a sum does not depend on its order."""
+
+FARTHEST: Final = 1 << 13
+"""A longer way from a goal to a position counts as this one, so squares can be summed for years."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lag:
+    """By how much the positions of a servo are behind its goals, as far as the stamps tell.
+
+    ``low_ns`` and ``high_ns`` bound it; ``count`` positions were weighed. ``rms`` is what the best
+    shift leaves of the following error, ``rms_unshifted`` what it is as it stands, both root mean
+    squares in the unit of the position.
+    """
+
+    low_ns: int
+    high_ns: int
+    count: int
+    rms: float
+    rms_unshifted: float
+
+
+class _Shifted:
+    """One servo's goals of the last ``LONGEST_NS``, and the squares of its errors by shift."""
+
+    def __init__(self) -> None:
+        self.t_ns: I64 = np.empty(0, np.int64)
+        self.goal: F64 = np.empty(0)
+        self.squares: I64 = np.zeros(len(SHIFTS), np.int64)
+        self.count = 0
+        self.doubt_ns = 0
+        """Uncertainties of the times of all positions, summed."""
+        self._met = 0
+
+    def add(self, course: Course) -> None:
+        """Take more of its goals and positions."""
+        told = np.concatenate([[course.before], course.goal])
+        none = np.isnan(told)
+        changes = np.flatnonzero((told[1:] != told[:-1]) & ~(none[1:] & none[:-1]))
+        times = np.concatenate([self.t_ns, course.t_ns[changes]])
+        times = np.maximum.accumulate(times)
+        goals = np.concatenate([self.goal, course.goal[changes]])
+        rows = np.flatnonzero(course.measured & course.shown & (course.spread >= 0))
+        if len(times) and len(rows):
+            self._weigh(times, goals, course, rows)
+        if len(times):
+            # the goal that held where the window begins is needed, too
+            since = max(int(times[-1]), int(course.t_ns[-1])) - LONGEST_NS
+            first = max(int(np.searchsorted(times, since, side="right")) - 1, 0)
+            self.t_ns, self.goal = times[first:], goals[first:]
+
+    def _weigh(self, times: I64, goals: F64, course: Course, rows: I64) -> None:
+        t_ns = course.t_ns[rows]
+        oldest = np.searchsorted(times, t_ns - LONGEST_NS, side="right") - 1
+        newest = np.searchsorted(times, t_ns, side="right") - 1
+        unknown = np.concatenate([[0], np.cumsum(np.isnan(goals))])
+        moving = (oldest >= 0) & (newest > oldest)
+        moving &= unknown[newest + 1] == unknown[np.maximum(oldest, 0)]
+        rows, t_ns = rows[moving], t_ns[moving]
+        number = self._met + np.arange(len(rows))
+        self._met += len(rows)
+        taken = number % (1 << np.log2(np.maximum(number / MOST, 1)).astype(np.int64)) == 0
+        rows, t_ns = rows[taken], t_ns[taken]
+        if not len(rows):
+            return
+        held = np.searchsorted(times, t_ns[:, None] - SHIFTS, side="right") - 1
+        error = np.clip(goals[held] - course.position[rows][:, None], -FARTHEST, FARTHEST)
+        self.squares += (np.rint(EACH * error).astype(np.int64) ** 2).sum(axis=0)
+        self.count += len(rows)
+        self.doubt_ns += int(course.spread[rows].sum())
+
+    def lag(self) -> Lag | None:
+        """Return what the shifts tell."""
+        least = int(self.squares.min())
+        if self.count < ENOUGH or least > DEEP * int(self.squares.max()):
+            return None
+        best = int(np.flatnonzero(self.squares <= NEAR * least)[0])
+        while best + 1 < len(SHIFTS) and self.squares[best + 1] <= self.squares[best]:
+            best += 1
+        if best == len(SHIFTS) - 1:
+            return None
+        # a shift is an average: one stamp that came late moves it by its share
+        doubt = STEP_NS + self.doubt_ns // self.count
+        left, whole = (float(np.sqrt(self.squares[k] / self.count) / EACH) for k in (best, 0))
+        low, high = max(int(SHIFTS[best]) - doubt, 0), int(SHIFTS[best]) + doubt
+        return Lag(low, high, self.count, left, whole)
+
+
+class Lags:
+    """Finds the lags of all servos of one protocol."""
+
+    def __init__(self) -> None:
+        self._shifted: dict[tuple[int, str], _Shifted] = {}
+
+    def add(self, course: Course) -> None:
+        """Take the positions and goals of one servo."""
+        self._shifted.setdefault((course.servo_id, course.unit), _Shifted()).add(course)
+
+    def of(self, servo_id: int, unit: str) -> Lag | None:
+        """Return the lag of a servo; None: its goals do not tell."""
+        mine = self._shifted.get((servo_id, unit))
+        return None if mine is None else mine.lag()
