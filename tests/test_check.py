@@ -104,6 +104,16 @@ CASES: Final[list[tuple[Path, dict[str, object], Decision, str]]] = [
     (DAMAGED, {"what": "response_time_ms", "figure": "p50", "below": 5}, P, "p50 of servo"),
     (DAMAGED, {"what": "response_time_ms", "figure": "max", "below": 5}, F, "max of servo "),
     (NO_CLOCK, {"what": "response_time_ms", "below": 5}, U, "the input has no clock"),
+    (CLEAN, {"what": "following_error", "below": 6}, P, "p99 of the following error of servo "),
+    (CLEAN, {"what": "following_error", "figure": "max", "below": 3}, F, "max of the following"),
+    (NO_CLOCK, {"what": "following_error", "below": 1000}, P, "°, "),
+    (CLEAN, {"what": "lag_ms", "below": 100}, P, "servo 2 is behind its goals by "),
+    (CLEAN, {"what": "lag_ms", "below": 88}, U, "servo 2 is behind its goals by "),
+    (CLEAN, {"what": "lag_ms", "below": 50, "servos": [3]}, U, "servo 3 is behind its goals by "),
+    (CLEAN, {"what": "lag_ms", "below": 40, "servos": [3]}, F, "servo 3 is behind its goals by "),
+    (NO_CLOCK, {"what": "lag_ms", "below": 100}, U, "the input has no clock"),
+    (CLEAN, {"what": "settle_ms", "figure": "max", "below": 1000}, P, "settles is"),
+    (NO_CLOCK, {"what": "settle_ms", "below": 1000}, U, "the input has no clock"),
 ]
 
 

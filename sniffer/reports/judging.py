@@ -19,6 +19,7 @@ from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import rules as r
 from sniffer.reports import words
+from sniffer.statistics.motion import MILLI
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from sniffer.statistics.figures import ServoFigures
 
 MS: Final = 1e6
-
-OF_EACH: Final = frozenset({r.RESPONSE_TIME, r.VALUE, r.GOALS, r.MISSING, r.DAMAGED})
-"""Rules that each servo must keep, so that one who was never heard decides nothing."""
 
 TOTALS: Final = frozenset({r.INCIDENTS, r.ANOMALIES, r.FRAMES, r.SECONDS})
 """Rules on what grows with the capture: a short part has less of it than the whole."""
@@ -99,7 +97,7 @@ def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
         verdict = max(v for v, _, _ in found)
         worst = min((f for f in found if f[0] == verdict), key=lambda f: f[1])[2]
         told = f"{worst.told}; wanted: {rule.asked}"
-        silent = set(rule.servos) - {f.servo for f in figures} if rule.what in OF_EACH else set()
+        silent = set(rule.servos) - {f.servo for f in figures} if rule.what in r.OF_EACH else set()
         if silent and verdict == Decision.PASSED:
             ids = ", ".join(map(str, sorted(silent)))
             verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
@@ -236,6 +234,42 @@ def _value(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
                 yield Figure(end.value, end.value, f"{told} (byte {end.offset})", servo)
 
 
+def _following(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, _ in _servos(rule, heard):
+        for (who, unit), errors in heard.collector.lanes[lane].motion.errors.items():
+            bounds = errors.size.figure(FIGURES[rule.figure])
+            if who == servo and bounds is not None:
+                low, high = (bound / MILLI for bound in bounds)
+                shown = words.measured(high, unit)
+                told = f"{rule.figure} of the following error of {_name(heard, lane, servo)} is "
+                told += f"{shown}, {counted(errors.size.count, 'position')}"
+                yield Figure(low, high, told, servo)
+
+
+def _lag(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, _ in _servos(rule, heard):
+        motion = heard.collector.lanes[lane].motion
+        for who, unit in motion.errors:
+            lag = motion.lags.of(servo, unit) if who == servo else None
+            if lag is not None:
+                low, high = lag.low_ns / MS, lag.high_ns / MS
+                told = f"{_name(heard, lane, servo)} is behind its goals by {low:.0f} to "
+                told += f"{high:.0f} ms, {counted(lag.count, 'position')}"
+                yield Figure(low, high, told, servo)
+
+
+def _settling(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, _ in _servos(rule, heard):
+        for (who, _), steps in heard.collector.lanes[lane].motion.steps.figures().items():
+            bounds = steps.settle.figure(FIGURES[rule.figure])
+            if who == servo and bounds is not None:
+                told = (
+                    f"{rule.figure} until {_name(heard, lane, servo)} settles is {bounds.ms()} ms"
+                )
+                told += f", {counted(steps.settle.count, 'goal')} of {steps.steps}"
+                yield Figure(bounds.low / MS, bounds.high / MS, told, servo)
+
+
 def _goals(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for lane, servo, mine in _servos(rule, heard):
         goals = mine.goals
@@ -293,6 +327,9 @@ _FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
     r.ANOMALIES: _anomalies,
     r.RESPONSE_TIME: _response_time,
     r.VALUE: _value,
+    r.FOLLOWING: _following,
+    r.LAG: _lag,
+    r.SETTLING: _settling,
     r.GOALS: _goals,
     r.MISSING: _missing,
     r.DAMAGED: _damaged,
@@ -309,15 +346,21 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
     if rule.servos and not list(_servos(rule, heard)):
         ids = ", ".join(map(str, rule.servos))
         return f"no servo of the id {ids} was asked or heard"
-    if rule.what in (r.RESPONSE_TIME, r.SECONDS):
+    if rule.what in (r.RESPONSE_TIME, r.SECONDS, r.LAG, r.SETTLING):
         clocks = {wire.clock for wire in heard.collector.wires.values()}
         if clocks <= {Clock.NONE}:
             return "the input has no clock, so no time is known"
+        if rule.what == r.LAG:
+            return "no goal moved so that a lag would show"
+        if rule.what == r.SETTLING:
+            return "no goal was reached before the next one"
         return "no response time is known"
     if rule.what == r.VALUE:
         heard_of = {q for _, _, mine in _servos(rule, heard) for q, _ in mine.values}
         known = f" ({', '.join(sorted(heard_of))} were)" if heard_of else ""
         return f"no {rule.quantity} was heard{known}"
+    if rule.what == r.FOLLOWING:
+        return "no position was heard while a goal in its unit was known"
     if rule.what == r.GOALS:
         return "no goal was told in a request that is acknowledged"
     return "nothing of it was heard"

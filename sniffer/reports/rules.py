@@ -29,6 +29,7 @@ BOUNDS: Final = ("below", "at_most", "above", "at_least")
 INCIDENTS, ANOMALIES = "incidents", "anomalies"
 RESPONSE_TIME, VALUE, GOALS = "response_time_ms", "value", "goals_acknowledged"
 MISSING, DAMAGED = "answers_missing", "answers_damaged"
+FOLLOWING, LAG, SETTLING = "following_error", "lag_ms", "settle_ms"
 IN_FRAMES, FRAMES, SECONDS = "bytes_in_frames", "frames", "seconds"
 
 KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -37,6 +38,9 @@ KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         ANOMALIES: ("codes", "from"),
         RESPONSE_TIME: ("figure",),
         VALUE: ("quantity",),
+        FOLLOWING: ("figure",),
+        LAG: (),
+        SETTLING: ("figure",),
         GOALS: (),
         MISSING: (),
         DAMAGED: (),
@@ -47,7 +51,12 @@ KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """What a rule may be about, with the keys that it has of its own."""
 
-OF_SERVOS: Final = frozenset({INCIDENTS, ANOMALIES, RESPONSE_TIME, VALUE, GOALS, MISSING, DAMAGED})
+OF_EACH: Final = frozenset(
+    {RESPONSE_TIME, VALUE, FOLLOWING, LAG, SETTLING, GOALS, MISSING, DAMAGED}
+)
+"""Rules that each servo must keep, so that one who was never heard decides nothing."""
+
+OF_SERVOS: Final = OF_EACH | {INCIDENTS, ANOMALIES}
 """Rules that may name servos."""
 
 SHARES: Final = frozenset({GOALS, MISSING, DAMAGED, IN_FRAMES})
