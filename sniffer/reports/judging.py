@@ -253,8 +253,8 @@ def _lag(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
             lag = motion.lags.of(servo, unit) if who == servo else None
             if lag is not None:
                 low, high = lag.low_ns / MS, lag.high_ns / MS
-                told = f"{_name(heard, lane, servo)} is behind its goals by {low:.0f} to "
-                told += f"{high:.0f} ms, {counted(lag.count, 'position')}"
+                told = f"{_name(heard, lane, servo)} is behind its goals by {lag.ms()} ms, "
+                told += counted(lag.count, "position")
                 yield Figure(low, high, told, servo)
 
 

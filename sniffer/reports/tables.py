@@ -106,6 +106,8 @@ def servos(content: Content) -> Table:
         for quantity in (POSITION, *MEASURED):
             row[quantity] = words.spread(mine.range_of(quantity), mine.unit_of(quantity) or "")
         wanted = sum(mine.goals.values()) - mine.goals["unanswered"]
+        lag = content.collector.lanes[lane].motion.lags.of(servo, mine.unit_of(POSITION) or "")
+        row["behind goals ms"] = "" if lag is None else lag.ms()
         row["acknowledged"] = f"{mine.goals['acknowledged']} of {wanted}" if wanted else ""
         rows.append(row)
     head = tuple(name for name in (rows[0] if rows else ()) if any(row[name] for row in rows))

@@ -9,13 +9,14 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.durations import Bounds
-from sniffer.ground.model import MS, NS
+from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.consoles import NARROWEST, console_for, room_in, unfold
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
+from sniffer.statistics.lags import whole_ms
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -242,10 +243,8 @@ def _lags(bus: Mapping[str, Any]) -> Tabulated | None:
     table = Tabulated("servo", "unit", "values", "lag ms", "error (rms)", "without lag")
     for s, e in sorted(rows, key=lambda r: -r[1]["lag"]["ns"][1]):
         lag = e["lag"]
-        low, high = lag["ns"][0] // MS, -(-lag["ns"][1] // MS)
-        between = f"{low}-{high}" if low else f"<{high}"
         left = number(lag["rms_unshifted"]), number(lag["rms"])
-        table.add_row(_who(s), word_of(e["unit"]), str(lag["count"]), between, *left)
+        table.add_row(_who(s), word_of(e["unit"]), str(lag["count"]), whole_ms(*lag["ns"]), *left)
     return table
 
 

@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.model import MS
+
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
     from sniffer.statistics.following import Course
@@ -55,6 +57,12 @@ FARTHEST: Final = 1 << 13
 """A longer way from a goal to a position counts as this one, so squares can be summed for years."""
 
 
+def whole_ms(low_ns: int, high_ns: int) -> str:
+    """Return bounds in ms, rounded outwards: ``54-66``, or ``<6`` where it may be none."""
+    low, high = low_ns // MS, -(-high_ns // MS)
+    return f"{low}-{high}" if low else f"<{high}"
+
+
 @dataclass(frozen=True, slots=True)
 class Lag:
     """By how much the positions of a servo are behind its goals, as far as the stamps tell.
@@ -69,6 +77,10 @@ class Lag:
     count: int
     rms: float
     rms_unshifted: float
+
+    def ms(self) -> str:
+        """Return it in whole ms: both bounds, or an upper one."""
+        return whole_ms(self.low_ns, self.high_ns)
 
 
 class _Shifted:
