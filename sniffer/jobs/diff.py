@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.options import Options
+from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.wording import counted
@@ -122,7 +123,7 @@ def diff(
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Compared:
-    """Compare two runs: response times, missing answers, errors, values, settings, commands.
+    """Compare two runs: times, missing answers, errors, values, settings, commands, incidents.
 
     Buses are compared that have one name; where each run has one bus, these.
 
@@ -172,11 +173,16 @@ def diff(
         latest = max(run.start_ns for run in two)
         for name, run in zip(A_B, two, strict=True):
             sinks: list[Sink] = [run.figures]
+            if selection is None:  # of a few records no cause can be told
+                diagnosis = Diagnosis()
+                sinks.append(diagnosis)
             if overlay is not None:
                 run.later_ns = latest - run.start_ns
                 sinks.append(_Named(overlay, name))
             summary, ending = run.read(sinks, patience)
             endings.append(ending)
+            if selection is None:
+                run.figures.incidents = diagnosis.incidents()
             told |= {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
     runs = two[0].figures, two[1].figures
     differ = window_b is not None and window_b != window

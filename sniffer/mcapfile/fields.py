@@ -45,11 +45,12 @@ like one of those before."""
 
 def state_field(register: Register) -> str | None:
     """Return the field of ServoState that holds a register, None for a mere setting."""
-    if not register.quantity:
-        return None
-    if not register.unit:
-        return register.quantity
-    return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"
+    return field_name(register.quantity, register.unit) if register.quantity else None
+
+
+def field_name(quantity: str, unit: str) -> str:
+    """Return the name of a field: ``position_deg``, or the quantity alone where it has no unit."""
+    return f"{quantity}_{UNITS.get(unit, unit)}" if unit else quantity
 
 
 class KnownValues(NamedTuple):

@@ -86,11 +86,16 @@ class Content:
         ]
 
 
-def tale(incident: Incident) -> str:
+def happened(incident: Incident) -> str:
     """Return what happened, without the cause before it: who tells it has said that already."""
     _, colon, rest = incident.story.partition(": ")
     is_title = colon and incident.story.startswith(CAUSES[incident.cause].title)
-    story = rest if is_title else incident.story
+    return rest if is_title else incident.story
+
+
+def tale(incident: Incident) -> str:
+    """Return what happened as a sentence."""
+    story = happened(incident)
     return story[:1].upper() + story[1:]
 
 

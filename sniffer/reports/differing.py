@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
+from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import counted
+from sniffer.reports.content import happened
 from sniffer.reports.runs import Who
 from sniffer.reports.significance import (
     ALPHA,
@@ -23,13 +26,22 @@ from sniffer.reports.significance import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from sniffer.diagnosis.model import Incident
     from sniffer.reports.runs import RunFigures
     from sniffer.statistics.thinned import Thinned
 
 _EFFECTS: Final = {"missing": "share", "command": "share", "error": "log2 of the ratio"}
 
+LIKELY: Final = 0.5
+"""How sure the cause of an incident is at least that one run has alone."""
+
+_OF_THE_ROBOT: Final = frozenset({SERVO, CONTROLLER})
+
 EXACT: Final = "exact"
 """In place of a test: there is nothing by chance in it."""
+
+DIAGNOSED: Final = "diagnosis"
+"""In place of a test: the cause of an incident was weighed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +49,8 @@ class RunDifference:
     """One thing in which two runs differ.
 
     ``about`` is ``response_time``, ``period``, ``value``, ``goal``, ``missing``, ``error``,
-    ``command``, ``setting`` or ``servo``; ``name`` the command, quantity, code or register. ``a``
+    ``command``, ``setting``, ``servo`` or ``incident``; ``name`` the command, quantity, code,
+    register or cause. ``a``
     and ``b`` hold the numbers of each run, ``p`` the chance corrected for all that was compared.
     """
 
@@ -55,7 +68,11 @@ class RunDifference:
     def lines(self) -> list[str]:
         """Return it for people: what differs, then by which test."""
         who = "all servos" if self.servo_id is None else f"servo {self.servo_id}"
-        sure = "certain" if self.test == EXACT else f"p {_chance(self.p)}, {self.test}"
+        sure = f"p {_chance(self.p)}, {self.test}"
+        if self.test == EXACT:
+            sure = "certain"
+        if self.test == DIAGNOSED:
+            sure = f"{self.name}, {1 - self.p:.0%} sure; `sniffer diagnose` weighs it"
         if "n" in self.a and self.test != EXACT:
             sure += f", n {self.a['n']} and {self.b['n']}"
         if self.effect is not None:
@@ -94,6 +111,8 @@ class _Found:
     verdict: TestVerdict | None
     sentence: str
     is_enough: bool = True
+    sure: float = 1.0
+    """Of what no test is made of."""
 
 
 def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]:
@@ -101,15 +120,24 @@ def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]
 
     Runs that differ by chance only are told to differ in ``ALPHA`` of all cases.
     """
-    found = [*_series(a, b), *_shares(a, b), *_rates(a, b), *_settings(a, b), *_servos(a, b)]
+    found = [
+        *_incidents(a, b),
+        *_series(a, b),
+        *_shares(a, b),
+        *_rates(a, b),
+        *_settings(a, b),
+        *_servos(a, b),
+    ]
     tested = [one for one in found if one.verdict is not None]
     chances = holm([one.verdict.p for one in tested if one.verdict is not None])
     corrected = dict(zip(map(id, tested), chances, strict=True))
     out = []
     for one in found:
-        v, p = one.verdict, corrected.get(id(one), 0.0)
-        if p <= ALPHA and one.is_enough:
-            test, effect = (EXACT, None) if v is None else (v.test, round(v.effect, 4))
+        v = one.verdict
+        p = round(1 - one.sure, 4) if v is None else corrected[id(one)]
+        if (v is None or p <= ALPHA) and one.is_enough:
+            exact = DIAGNOSED if one.about == "incident" else EXACT
+            test, effect = (exact, None) if v is None else (v.test, round(v.effect, 4))
             out.append(
                 RunDifference(
                     one.about,
@@ -126,6 +154,41 @@ def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]
             )
     out.sort(key=lambda d: (d.p, -abs(d.effect or 0.0), d.about, d.bus, d.servo_id or -1, d.name))
     return out, len(tested)
+
+
+def _incidents(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
+    """Yield the incidents of servos and of the controller that one run has alone.
+
+    There is no test of them: a joint hangs limp or does not. What a line or a tap does is chance in
+    each single case; it shows in the shares of answers that fail, and in the rates of anomalies.
+    """
+    for k, (run, other) in enumerate(((a, b), (b, a))):
+        for one in run.incidents:
+            sure = one.causes[0].confidence
+            if CAUSES[one.cause].of not in _OF_THE_ROBOT or one.severity < Severity.WARN:
+                continue
+            if sure < LIKELY or one.bus not in other.frames or _is_known(one, other):
+                continue
+            alone = one.servo_ids[0] if len(one.servo_ids) == 1 else None
+            told = [{"count": one.count}, {"count": 0}]
+            sentence = (
+                f"{happened(one)}, in {'AB'[k]} alone "
+                f"({one.first_ns / NS:.1f} to {one.last_ns / NS:.1f} s)"
+            )
+            who = Who(one.bus, alone)
+            yield _Found(
+                "incident", who, one.cause, told[k], told[1 - k], None, sentence, sure=sure
+            )
+
+
+def _is_known(one: Incident, other: RunFigures) -> bool:
+    """Tell whether a run has an incident of the same servos that may have the same cause."""
+    return any(
+        incident.bus == one.bus
+        and any(c.cause == one.cause for c in incident.causes)
+        and (incident.servo_ids == one.servo_ids or set(incident.servo_ids) & set(one.servo_ids))
+        for incident in other.incidents
+    )
 
 
 def _series(a: RunFigures, b: RunFigures) -> Iterator[_Found]:

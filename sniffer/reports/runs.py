@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -12,17 +13,22 @@ from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
 from sniffer.ground.model import NS, Severity
-from sniffer.mcapfile.fields import state_field
+from sniffer.mcapfile.fields import field_name, state_field
+from sniffer.statistics.following import Follower
 from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from sniffer.diagnosis.model import Incident
     from sniffer.ground.model import I16, I64, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 KEPT: Final = 1 << 14
 """Numbers that are kept of a series: beyond, every second, fourth ... one."""
+
+FOLLOWING: Final = "following_error"
+"""What how far positions are from their goals is called, without sign."""
 
 SETTINGS: Final = 8
 """Values of a setting that are told apart."""
@@ -57,7 +63,10 @@ class RunFigures:
         self.commanded: dict[tuple[Who, str], Thinned] = {}
         self.settings: dict[tuple[Who, str], set[int]] = {}
         self.span: dict[str, tuple[int, int]] = {}
+        self.incidents: tuple[Incident, ...] = ()
+        """What a diagnosis says of the run, where all of it is compared."""
         self._last: dict[tuple[Who, str], int] = {}
+        self._followers: dict[str, Follower] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -69,6 +78,7 @@ class RunFigures:
         if len(f):  # what happens so often does so in all the time
             begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
             self.span[bus] = begin, int(f.t_end[-1])
+        self._motion(bus, protocol, batch)
         batch = selected(batch)
         f = batch.frames
         self.frames[bus] += len(f)
@@ -98,6 +108,7 @@ class RunFigures:
 
         self.frames = Counter({name: self.frames[bus]})
         self.span = dict(zip([name], self.span.values(), strict=False))
+        self.incidents = tuple(replace(i, bus=name) for i in self.incidents)
         self.requests = Counter({own(w): n for w, n in self.requests.items()})
         self.expected = Counter({own(w): n for w, n in self.expected.items()})
         self.missing = Counter({own(w): n for w, n in self.missing.items()})
@@ -112,6 +123,16 @@ class RunFigures:
         for code, servo in zip(found.code.tolist(), found.servo_id.tolist(), strict=True):
             if SEVERITY[code] > Severity.NOTE and CODES[code] not in _TOLD_ELSEWHERE:
                 self.errors[Who(bus, servo if servo >= 0 else None), CODES[code]] += 1
+
+    def _motion(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take how far positions are from their goals; these may lie outside a selection."""
+        follower = self._followers.setdefault(bus, Follower(protocol))
+        for course in follower.add(batch):
+            error = np.abs(course.goal - course.position)
+            error = error[course.shown & ~np.isnan(error)]
+            if len(error):
+                key = Who(bus, course.servo_id), field_name(FOLLOWING, course.unit)
+                self.measured.setdefault(key, Thinned(KEPT)).add(error)
 
     def _commands(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
