@@ -70,8 +70,8 @@ def test_of_a_selection_no_incidents_are_compared(tmp_path: Path, capsys: Capsys
 
 
 def test_how_far_joints_are_from_their_goals_is_compared(tmp_path: Path, capsys: Capsys) -> None:
-    a = log(tmp_path / "a.log", "mightyzap", seconds=40)
-    b = log(tmp_path / "b.log", "mightyzap", "limp:2", seconds=40, seed=8)
+    a = log(tmp_path / "a.log", "mightyzap", seconds=60)
+    b = log(tmp_path / "b.log", "mightyzap", "limp:2", seconds=60, seed=8)
     _, differ = compared(capsys, a, b)
     mine = [d for d in differ if d["servo_id"] == 2]
     (one,) = (d for d in mine if d["name"] == "following_error_mm")
