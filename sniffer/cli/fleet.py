@@ -12,6 +12,7 @@ from sniffer.cli.options import Whole, decoding_unnamed, examples, files_here
 from sniffer.cli.selecting import with_rows
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED
 from sniffer.cli.streams import say
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.options import Options
 from sniffer.fleet.engines import ENGINES, load_for
 from sniffer.fleet.progress import FleetProgress
@@ -114,7 +115,7 @@ def fleet(
         dataset,
         options,
         input_format=input_format,
-        selection=selection,
+        selection=selection and selection.named(ServoNames()),
         robot=robot,
         engine=engine,
         workers=workers,

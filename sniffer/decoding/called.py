@@ -7,11 +7,11 @@ read does not depend on who named what. A name is laid over an id when something
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import Anomaly, InputError
-from sniffer.ground.wording import Sentence, and_, offered
+from sniffer.ground.wording import Sentence, and_, nearly
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ Named = int | tuple[str, int]
 
 NAME: Final = "name."
 """Facts ``name.3``, or ``name.<bus>.3`` where a bus was said: what people call a servo."""
+
+SERVO_NAME: Final = "servo_name"
+"""Key, or column, of a servo's name in what programs read; there only where names are known."""
 
 NAME_MOST: Final = 32
 """Signs of a name: more are cut off in a legend."""
@@ -72,6 +75,17 @@ class ServoNames:
         name = self.of(bus, servo)
         return f"servo {servo}" if name is None else f"{name} ({servo})"
 
+    def beside(self, bus: str, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a record with ``servo_name`` behind its ``servo_id``, where that has a name."""
+        servo = row["servo_id"]
+        name = None if servo is None else self.of(bus, servo)
+        if name is None:
+            return dict(row)
+        out: dict[str, Any] = {}
+        for key, value in row.items():
+            out |= {key: value, SERVO_NAME: name} if key == "servo_id" else {key: value}
+        return out
+
     def sentence(self, bus: str, text: str) -> str:
         """Return a sentence about a bus with the names of the servos that it speaks of."""
         if not self._told:
@@ -89,24 +103,25 @@ class ServoNames:
         detail, remedy = (self.sentence(bus, t) for t in (anomaly.detail, anomaly.remedy))
         return anomaly._replace(detail=detail, remedy=remedy)
 
-    def having(self, name: str) -> list[Named]:
-        """Return the servos of a name, as they were told.
+    def having(self, name: str) -> list[tuple[Named, list[str]]]:
+        """Return the servos of a name as they were told, with the buses that call theirs otherwise.
 
         Raises:
             InputError: none is called so; it says which name is near.
         """
         found = [who for who, known in self._told.items() if known == name]
-        if found:
-            return found
-        if not self._told:
-            told = "{servos}: no servo is called {name}: no names are known, say {names}"
-            raise InputError(Sentence(told, name=repr(name[:40])))
-        known = offered(name, dict.fromkeys(self._told.values()))
-        raise InputError(
-            Sentence(
-                "{servos}: no servo is called {name}: {known}", name=repr(name[:40]), known=known
-            )
-        )
+        if not found:
+            told = "no servo is called {name}{near}"
+            if not self._told:
+                told = "{name} is no servo id: write ids as 3,5 or 3-6 (no names are known)"
+            known = dict.fromkeys(self._told.values())
+            near = nearly(name, known) or f": one of {', '.join(known)}"
+            raise InputError(Sentence(f"{{servos}}: {told}", name=repr(name[:40]), near=near))
+        return [(who, self._others(who)) for who in found]
+
+    def _others(self, who: Named) -> list[str]:
+        """Return the buses on which a servo that was named on all has another name."""
+        return [w[0] for w in self._told if isinstance(w, tuple) and w[1] == who]
 
     def on_unknown(self, buses: Iterable[str]) -> str | None:
         """Return a sentence on names that were said of buses which are not there, None if none."""

@@ -67,6 +67,10 @@ class Options:
         """What servos are called."""
         return ServoNames(self.names)
 
+    def called_with(self, facts: Mapping[str, str]) -> ServoNames:
+        """Return the same with what a recording calls its servos, where nobody said more."""
+        return ServoNames(overlaid(names_in(facts), self.names))
+
     @property
     def wired(self) -> Wiring:
         """What is said of the wires of a logic capture, with the rate, where one was stated."""
