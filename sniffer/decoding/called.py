@@ -61,6 +61,16 @@ class ServoNames:
             name = self._told.get((wire, servo)) if part in PROTOCOLS else None
         return self._told.get(servo) if name is None else name
 
+    @property
+    def known(self) -> list[str]:
+        """All names, each once."""
+        return list(dict.fromkeys(self._told.values()))
+
+    def ids(self, bus: str, name: str) -> list[int]:
+        """Return the ids of the servos of a bus that are called so."""
+        told = {who if isinstance(who, int) else who[1] for who in self._told}
+        return sorted(servo for servo in told if self.of(bus, servo) == name)
+
     def label(self, bus: str, servo: int) -> str:
         """Return a servo's id with its name, for a cell of a table: ``3 left_knee``."""
         name = self.of(bus, servo)
@@ -114,8 +124,7 @@ class ServoNames:
             told = "no servo is called {name}{near}"
             if not self._told:
                 told = "{name} is no servo id: write ids as 3,5 or 3-6 (no names are known)"
-            known = dict.fromkeys(self._told.values())
-            near = nearly(name, known) or f": one of {', '.join(known)}"
+            near = nearly(name, self.known) or f": one of {', '.join(self.known)}"
             raise InputError(Sentence(f"{{servos}}: {told}", name=repr(name[:40]), near=near))
         return [(who, self._others(who)) for who in found]
 

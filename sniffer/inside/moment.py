@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -35,10 +35,14 @@ TITLES: Final = {"goal_position": "goal", "temperature": "temp"}
 
 @dataclass(frozen=True, slots=True)
 class MomentRow:
-    """A servo: its cells by title, and how long ago its latest value was told, in seconds."""
+    """A servo: its cells by title, and how long ago its latest value was told, in seconds.
+
+    ``who`` is its id with its name.
+    """
 
     bus: str
     servo: int
+    who: str
     cells: dict[str, str]
     age_s: float
 
@@ -53,7 +57,8 @@ def moment_of(index: CaptureIndex, number: int) -> list[MomentRow]:
         if page < 0:
             continue
         board = _board(index, page, now)
-        out += _rows(name, index.protocols[bus].registers, board, now)
+        rows = _rows(name, index.protocols[bus].registers, board, now)
+        out += [replace(row, who=index.names.label(name, row.servo)) for row in rows]
     return out
 
 
@@ -89,7 +94,7 @@ def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> 
         if (error := _error(known)) is not None:
             cells["error"] = error
         latest = max(told.t_ns for _, told in known.values())
-        out.append(MomentRow(bus, servo, cells, (now - latest) / NS))
+        out.append(MomentRow(bus, servo, str(servo), cells, (now - latest) / NS))
     return out
 
 
