@@ -20,7 +20,7 @@ from sniffer.cli.options import (
     with_times,
 )
 from sniffer.cli.selecting import with_part, with_rows
-from sniffer.cli.servos import with_alarms, with_names
+from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -60,7 +60,6 @@ JOBS_MOST: Final = 256
 @with_part
 @with_rows
 @decoding
-@with_names
 @with_alarms
 @with_format("text", "jsonl", "pcapng")
 @with_times

@@ -85,7 +85,7 @@ def diagnose(
             click.echo(f"{name_of(capture)}:")
         with unpadded(console):
             if why is not None:
-                print_weighing(done.incidents, why, console)
+                print_weighing(done.incidents, why, console, done.names)
             else:
                 print_incidents(
                     done.incidents,
@@ -93,5 +93,6 @@ def diagnose(
                     clock=done.has_clock,
                     rest=done.rest,
                     console=console,
+                    names=done.names,
                 )
     return status

@@ -8,10 +8,11 @@ from typing import Final
 
 import click
 
-from sniffer.cli.options import Whole, decoding, examples, files_here
+from sniffer.cli.options import Whole, decoding_unnamed, examples, files_here
 from sniffer.cli.selecting import with_rows
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED
 from sniffer.cli.streams import say
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.options import Options
 from sniffer.fleet.engines import ENGINES, load_for
 from sniffer.fleet.progress import FleetProgress
@@ -65,7 +66,7 @@ def _shard(
     help="The folder of the data set; it may be there already.",
 )  # fmt: skip
 @with_rows
-@decoding
+@decoding_unnamed
 @click.option(
     "--robot", default=ROBOT, show_default=True, metavar="REGEX",
     help="Whose a capture is: the first group of a regular expression, on the capture's path.",
@@ -114,7 +115,7 @@ def fleet(
         dataset,
         options,
         input_format=input_format,
-        selection=selection,
+        selection=selection and selection.named(ServoNames()),
         robot=robot,
         engine=engine,
         workers=workers,

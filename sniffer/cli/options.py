@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from sniffer.cli.profiles import with_profile
-from sniffer.cli.servos import models, with_registers
+from sniffer.cli.servos import models, with_names, with_registers
 from sniffer.cli.wires import WIRES, wiring_of
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import BAUDS
@@ -22,6 +22,7 @@ from sniffer.protocols import PROTOCOLS
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from sniffer.decoding.called import Named
     from sniffer.decoding.options import Options
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
@@ -261,8 +262,13 @@ def examples(*lines: str) -> str:
 def decoding(command: Command) -> Command:
     """Add the options that say how bytes are to be read; ``options`` is what they say.
 
-    So it is of ``with_alarms`` and ``with_names``, where a command has them.
+    So it is of ``with_alarms``, where a command has it. What servos are called is said, too.
     """
+    return decoding_unnamed(with_names(command))
+
+
+def decoding_unnamed(command: Command) -> Command:
+    """Add the same for a command that shows servos to nobody."""
     from sniffer.decoding.options import AUTO
     from sniffer.sources import SOURCES
 
@@ -323,7 +329,7 @@ def pipeline_options(
     tables: tuple[RegisterMap, ...],
     also: Iterable[str | BusProtocol] = (),
     alarms: tuple[Alarm, ...] = (),
-    names: Mapping[int, str] | None = None,
+    names: Mapping[Named, str] | None = None,
 ) -> Options:
     """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
 

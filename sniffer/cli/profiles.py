@@ -24,6 +24,9 @@ HERE: Final = Path("sniffer.toml")
 IN_USE: Final = "sniffer.profile"
 """Where a context keeps the profile that is in use."""
 
+OF_BUS: Final = ":"
+"""Stands between a bus and the id of a servo on it."""
+
 ALL: Final = "all"
 """Stands in place of a servo's id."""
 
@@ -135,11 +138,21 @@ def _by_servo(value: Any, profile: Profile) -> list[str]:
     return [each if who == ALL else f"{who}={each}" for who, each in told.items()]
 
 
+def flat_names(told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table of names with those of a bus, a table in it, as ``BUS:ID``."""
+    out: dict[str, Any] = {}
+    for who, name in told.items():
+        of_bus = name.items() if isinstance(name, dict) else ()
+        out |= {f"{who}{OF_BUS}{servo}": each for servo, each in of_bus} or {who: name}
+    return out
+
+
 def _names(value: Any, profile: Profile) -> list[str]:
-    """Return ``ID=NAME``."""
-    if not isinstance(value, dict) or not all(isinstance(each, str) for each in value.values()):
+    """Return ``ID=NAME`` and ``BUS:ID=NAME``."""
+    told = flat_names(value) if isinstance(value, dict) else {"": None}
+    if not all(isinstance(each, str) for each in told.values()):
         raise ValueError('write ids and names: { 3 = "left_knee" }')
-    return [f"{who}={name}" for who, name in value.items()]
+    return [f"{who}={name}" for who, name in told.items()]
 
 
 def _beside(value: Any, profile: Profile) -> list[str]:

@@ -29,6 +29,7 @@ from sniffer.cli.servos import models, with_alarms, with_names, with_registers
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.waits import commands_on, waited_for
+from sniffer.decoding.called import Named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.limits import BAUDS
@@ -172,7 +173,7 @@ def record(
     baud: int | None,
     chosen: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
-    names: dict[int, str],
+    names: dict[Named, str],
     alarms: tuple[Alarm, ...],
     latency: float | None,
     pair: bool,

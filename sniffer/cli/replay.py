@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from sniffer.cli.options import (
 )
 from sniffer.cli.playback import play_on, refuse_with_port, refuse_without_port, with_playback
 from sniffer.cli.selecting import with_part_and_ports, with_rows
-from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -50,7 +48,6 @@ from sniffer.sinks.standard import Standard
 @with_part_and_ports
 @with_rows
 @decoding
-@with_names
 @click.option(
     "--speed",
     type=Finite(0),
@@ -136,7 +133,7 @@ def replay(
         return 0 if report.equal else 1
     if in_rerun:
         need_rerun()
-        shown = functools.partial(_rerun, Path(files[0]).stem, options.names)
+        shown = functools.partial(_rerun, Path(files[0]).stem)
     else:
         shown = functools.partial(_console, times, color)
     with patient() as patience:
@@ -157,10 +154,10 @@ def replay(
     return status_of(ending)
 
 
-def _rerun(name: str, names: Mapping[int, str]) -> Sink:
+def _rerun(name: str) -> Sink:
     from sniffer.viewers.viewer import live_sink
 
-    return live_sink(name, names)
+    return live_sink(name)
 
 
 def _console(times: str, color: bool | None) -> Sink:

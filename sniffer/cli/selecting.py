@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -26,11 +26,18 @@ def _listed(
     return tuple(word.strip() for text in given for word in text.split(",") if word.strip())
 
 
+_OF_IDS: Final = frozenset("0123456789-.")
+"""Signs of what is meant as ids; anything else is a name."""
+
+
 def _ids(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> tuple[int, ...]:
-    """Read servo ids; ``3-6`` are four of them."""
-    return ids_in(_listed(context, parameter, given))
+) -> tuple[int | str, ...]:
+    """Read servo ids, and names of servos; ``3-6`` are four of them."""
+    out: list[int | str] = []
+    for word in _listed(context, parameter, given):
+        out += [word] if set(word) - _OF_IDS else ids_in([word])
+    return tuple(dict.fromkeys(out))
 
 
 def _place(context: click.Context, parameter: click.Parameter, given: str | None) -> str | None:
@@ -115,8 +122,8 @@ _ROWS = (
         help="Take what an expression selects, as WHERE of SQL: \"servo_id = 3 AND value > 10\".",
     ),
     click.option(
-        "--servo", "servos", multiple=True, callback=_ids, metavar="ID,...",
-        help="Only these servos: 3,5 or 3-6.",
+        "--servo", "servos", multiple=True, callback=_ids, metavar="ID|NAME,...",
+        help="Only these servos: 3,5 or 3-6, or left_knee, as --name or the recording calls them.",
     ),
     click.option(
         "--op", "ops", multiple=True, callback=_listed, metavar="NAME,...",

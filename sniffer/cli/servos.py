@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sniffer.cli.profiles import OF_BUS, flat_names
 from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
@@ -14,6 +15,7 @@ from sniffer.ground.registers import RegisterMap
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from sniffer.decoding.called import Named
     from sniffer.diagnostics.alarms import Alarm
 
 
@@ -56,22 +58,23 @@ def models(
 
 def names_of(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> dict[int, str]:
-    """Read ``--name 3=left_knee``, and files with a table ``[names]``."""
-    from sniffer.decoding.options import NAME_MOST, is_name
+) -> dict[Named, str]:
+    """Read ``--name 3=left_knee``, ``arm:3=left_knee``, and files with a table ``[names]``."""
+    from sniffer.decoding.called import NAME_MOST, is_name, named_in
 
-    out: dict[int, str] = {}
+    out: dict[Named, str] = {}
     for text in given:
         who, equals, name = text.partition("=")
         told = {who: name} if equals else _table_of_names(text)
         for servo, name in told.items():
-            number = number_in(servo, 0, IDS - 1)
-            if number is None or not isinstance(name, str) or not is_name(name):
+            key = named_in(servo, OF_BUS)
+            if key is None or not isinstance(name, str) or not is_name(name):
                 raise click.BadParameter(
-                    f"{servo[:20]}={str(name)[:40]!r}: write ID=NAME with an id of 0..255 and a "
-                    f"name of at most {NAME_MOST} signs, or name a file that has a table [names]"
+                    f"{servo[:20]}={str(name)[:40]!r}: write ID=NAME or BUS:ID=NAME with an id of "
+                    f"0..255 and a name of at most {NAME_MOST} signs, or name a file that has a "
+                    "table [names]"
                 )
-            out[number] = name
+            out[key] = name
     return out
 
 
@@ -87,7 +90,7 @@ def _table_of_names(path: str) -> dict[str, Any]:
         ) from None
     if not isinstance(told, dict):
         raise click.BadParameter(f'{path[:60]}: it has no table [names] with lines 3 = "knee"')
-    return told
+    return flat_names(told)
 
 
 with_names = click.option(
@@ -95,11 +98,11 @@ with_names = click.option(
     "names",
     multiple=True,
     callback=names_of,
-    metavar="ID=NAME|FILE.toml",
-    help="What a servo or its joint is called in plots and texts: 3=left_knee, or a file with a "
-    "table [names]; may be repeated.",
+    metavar="[BUS:]ID=NAME|FILE.toml",
+    help="What a servo or its joint is called wherever it is shown: 3=left_knee, arm:3=left_knee, "
+    "or a file with a table [names]; may be repeated.",
 )
-"""Of every command that shows servos by name."""
+"""Of every command that shows servos."""
 
 
 def tables_of(

@@ -27,7 +27,7 @@ from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
-from sniffer.statistics.flat import COLUMNS, rows
+from sniffer.statistics.flat import COLUMNS, NAMED_COLUMNS, rows
 from sniffer.statistics.slices import FINEST_NS
 
 
@@ -82,7 +82,6 @@ def stats(
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
     counted).
     """
-    table = csv.DictWriter(sys.stdout, COLUMNS, lineterminator="\n")
     status = DONE
     captures = captures_in(files, together=together)
     for number, capture in enumerate(captures):
@@ -104,7 +103,11 @@ def stats(
         if output_format == "json":
             click.echo(json.dumps(figures))
         elif output_format == "csv":
-            if number == 0:
+            if not number:  # which columns there are, the first capture decides
+                columns = NAMED_COLUMNS if done.statistics.names else COLUMNS
+                table = csv.DictWriter(
+                    sys.stdout, columns, lineterminator="\n", extrasaction="ignore"
+                )
                 table.writeheader()
             table.writerows(rows(figures))
         else:

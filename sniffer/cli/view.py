@@ -16,7 +16,6 @@ from sniffer.cli.options import (
     with_quiet,
 )
 from sniffer.cli.selecting import say_selected, with_part, with_rows
-from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.decoding.options import Options
@@ -43,7 +42,6 @@ from sniffer.sources.several import name_of
 @with_part
 @with_rows
 @decoding
-@with_names
 @click.option(
     "-o",
     "--output",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.decoder import Decoder
@@ -20,6 +20,7 @@ from sniffer.protocols.base import BusProtocol, FieldSpan, view
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.ground.model import Gap
     from sniffer.ground.wire import Order
 
@@ -49,6 +50,11 @@ class Drawn:
     known: Mapping[str, Any] | None = None
     wrong: str = ""
     sealed: str = ""
+
+    def named(self, names: ServoNames, bus: str) -> Drawn:
+        """Return it with the names of the servos that it speaks of."""
+        values = tuple(names.sentence(bus, value) for value in self.values)
+        return replace(self, title=names.sentence(bus, self.title), values=values)
 
     @property
     def lines(self) -> list[str]:

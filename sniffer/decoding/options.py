@@ -6,6 +6,7 @@ import contextlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.called import ServoNames, names_in, overlaid
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnostics.alarms import alarm_in, refusal
@@ -20,6 +21,7 @@ from sniffer.protocols.tables import check_tables, known_models, owner_of, with_
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.decoding.called import Named
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
@@ -31,20 +33,13 @@ ALARM: Final = "alarm."
 """Facts ``alarm.1`` and so on: the user's own rules."""
 
 
-NAME: Final = "name."
-"""Facts ``name.3`` and so on: what people call a servo."""
-
-NAME_MOST: Final = 32
-"""Signs of a name: more are cut off in a legend."""
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
     """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses.
 
     A protocol is a name, a file that defines one, or the protocol itself; ``"a+b"`` are two that
     share the wire. ``tables`` are models beside those they have, ``alarms`` the user's own rules.
-    ``names``, by servo id, are what people call the servos or their joints.
+    ``names``, by servo id or by bus and id, are what people call the servos or their joints.
     ``wiring`` says how the wires of a logic capture are read.
     ``begins``, by bus, is how many bytes of an input are left out: they were heard at other rates.
     """
@@ -59,13 +54,22 @@ class Options:
     tables: tuple[RegisterMap, ...] = ()
     alarms: tuple[Alarm, ...] = ()
     begins: Mapping[str, int] = field(default_factory=dict)
-    names: Mapping[int, str] = field(default_factory=dict)
+    names: Mapping[Named, str] = field(default_factory=dict)
     wiring: Wiring = field(default_factory=Wiring)
 
     @property
     def name(self) -> str:
         """Return the name of the protocol of all buses, or ``auto``."""
         return AUTO if self.protocol == AUTO else joined(protocols_named(self.protocol))
+
+    @property
+    def called(self) -> ServoNames:
+        """What servos are called."""
+        return ServoNames(self.names)
+
+    def called_with(self, facts: Mapping[str, str]) -> ServoNames:
+        """Return the same with what a recording calls its servos, where nobody said more."""
+        return ServoNames(overlaid(names_in(facts), self.names))
 
     @property
     def wired(self) -> Wiring:
@@ -132,7 +136,7 @@ class Options:
             told = replace(told, latencies={**latencies, **self.latencies})
         if not self.alarms:
             told = replace(told, alarms=_alarms(facts))
-        told = replace(told, names={**names_in(facts), **self.names})
+        told = replace(told, names=overlaid(names_in(facts), self.names))
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():
@@ -191,23 +195,6 @@ def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict
     told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
     numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
     return {bus: number for bus, number in numbers.items() if number is not None}
-
-
-def names_in(facts: Mapping[str, str]) -> dict[int, str]:
-    """Return what a recording calls its servos; what cannot be is left out."""
-    told = {k.removeprefix(NAME): v for k, v in facts.items() if k.startswith(NAME)}
-    numbers = ((number_in(servo, 0, IDS - 1), name) for servo, name in told.items())
-    return {servo: name for servo, name in numbers if servo is not None and is_name(name)}
-
-
-def name_facts(names: Mapping[int, str]) -> dict[str, str]:
-    """Return what a recording says of the names of its servos."""
-    return {f"{NAME}{servo}": name for servo, name in names.items()}
-
-
-def is_name(text: str) -> bool:
-    """Tell whether a servo can be called so: in a legend, in a path, in a line of text."""
-    return 0 < len(text) <= NAME_MOST and text == text.strip() and text.isprintable()
 
 
 def alarm_facts(alarms: Sequence[Alarm]) -> dict[str, str]:

@@ -23,7 +23,7 @@ from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.rates import Late
-from sniffer.decoding.sink import Paced, Tuned, act, closed, taken, written
+from sniffer.decoding.sink import Paced, Tuned, act, closed, introduced, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.alarms import refusal
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
@@ -80,9 +80,9 @@ class Pipeline:
     ) -> None:
         if options.protocol != AUTO:
             options.all_spoken(options.protocol)
-        self.summary = Summary()
+        self.summary = Summary(options.called)
         self._options = options
-        self._sinks = list(sinks)
+        self._sinks = introduced(sinks, options.called)
         self.narrowing: Narrowing | None = None
         """What goes to summary and sinks, and which rows are shown; None: everything."""
         self._failure: OutputError | None = None
@@ -107,7 +107,7 @@ class Pipeline:
 
     def add(self, sink: Sink) -> None:
         """Take another sink; it gets what comes from now on."""
-        self._sinks.append(sink)
+        self._sinks += introduced([sink], self._options.called)
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""

@@ -8,8 +8,9 @@ from sniffer.ground.model import Batch, OutputError
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.rates import Rate
     from sniffer.ground.model import Chunk
@@ -81,6 +82,24 @@ class Narrowed(Protocol):
         capture ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends.
         """
         ...
+
+
+@runtime_checkable
+class Calling(Protocol):
+    """A sink that shows servos to people, by the names that they have."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called; called once, before the first record."""
+        ...
+
+
+def introduced(sinks: Iterable[Sink], names: ServoNames) -> list[Sink]:
+    """Return sinks that have been told what servos are called, if they want to know."""
+    out = list(sinks)
+    for sink in out:
+        if isinstance(sink, Calling):
+            sink.call(names)
+    return out
 
 
 def act(what: Callable[[Sink], None], sink: Sink) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.names import AND
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
@@ -164,7 +165,9 @@ def _in_order(numbers: I64 | U8) -> list[tuple[int, int, int]]:
 class Summary:
     """Totals of all buses of one decode."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: ServoNames | None = None) -> None:
+        self.names = names or ServoNames()
+        """What servos are called by those who read it."""
         self.buses: dict[str, BusTotals] = {}
         self.paces: dict[str, Pace] = {}
         """By what each bus is timed, where that is known."""

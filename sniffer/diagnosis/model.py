@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
+    from sniffer.decoding.called import ServoNames
     from sniffer.ground.model import Severity
 
 
@@ -101,6 +103,28 @@ class Incident:
     def cause(self) -> str:
         """The likeliest cause."""
         return self.causes[0].cause
+
+    def named(self, names: ServoNames) -> Incident:
+        """Return it with the names of servos in its sentences, as people are told of it."""
+        if not names:
+            return self
+        said = functools.partial(names.sentence, self.bus)
+        return replace(
+            self,
+            causes=tuple(replace(c, why=said(c.why)) for c in self.causes),
+            findings=tuple(
+                replace(
+                    f,
+                    what=said(f.what),
+                    brief=said(f.brief),
+                    places=tuple(p._replace(what=said(p.what)) for p in f.places),
+                )
+                for f in self.findings
+            ),
+            story=said(self.story),
+            against=said(self.against),
+            next=said(self.next),
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""

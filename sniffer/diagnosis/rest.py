@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.model import Incident
 
@@ -40,6 +41,8 @@ class Rest:
     doing: str = ""
     code: str = ""
     source: str = "FILE"
+    parts: tuple[tuple[str, str], ...] = ()
+    """What it is told of, each with its bus."""
 
     @property
     def next(self) -> str:
@@ -48,6 +51,11 @@ class Rest:
             return ""
         place = shlex.quote(f"{self.source}@{self.code}")
         return f"{self.doing} `sniffer explain {place}` draws the first of them."
+
+    def named(self, names: ServoNames) -> Rest:
+        """Return the same with the names of servos."""
+        told = ", ".join(names.sentence(bus, words) for bus, words in self.parts)
+        return replace(self, told=told) if names else self
 
     def of(self, inputs: Sequence[str | Path]) -> Rest:
         """Return the same of a capture; several files, or standard input, cannot be named."""
@@ -90,7 +98,9 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
     if not told:
         return Rest()
     n, most, _, case = max(told, key=lambda t: t[0])
-    return Rest(", ".join(words for _, _, words, _ in told), _doing(case, n, most), most)
+    parts = tuple((each.bus, words) for _, _, words, each in told)
+    words = ", ".join(words for _, words in parts)
+    return Rest(words, _doing(case, n, most), most, parts=parts)
 
 
 def _doing(case: Case, n: int, code: str) -> str:

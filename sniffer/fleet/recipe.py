@@ -73,7 +73,8 @@ def read_recipe(text: str) -> tuple[Options, Selection | None, str]:
     where, input_format = told.pop("where"), told.pop("input_format")
     told["tables"] = tuple(RegisterMap.from_text(t, "a table") for t in told["tables"])
     told["alarms"] = tuple(map(alarm_in, told["alarms"]))
-    told["models"], told["names"] = dict(told["models"]), dict(told["names"])
+    told["models"] = dict(told["models"])
+    told["names"] = {tuple(w) if isinstance(w, list) else w: n for w, n in told["names"]}
     told["wiring"] = Wiring(**told["wiring"])
     return Options(**told), None if where is None else Selection.parse(where), input_format
 

@@ -283,7 +283,7 @@ class LookingGlass(App[None]):
         Raises:
             InputError: that is no filter.
         """
-        chosen = self.view.filter if text is None else filter_of(text)
+        chosen = self.view.filter if text is None else filter_of(text, self.index.names)
         kept = max(self.list.line, 0)
         if text is not None:
             self._filter_text = plain(text.strip())

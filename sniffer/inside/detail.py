@@ -75,7 +75,8 @@ def drawn_of(index: CaptureIndex, number: int) -> Drawn:
     page, row = index.pages.get(int(one["page"])), int(one["row"])
     if int(one["kind"]) == GAP:
         return draw_gap(page.batch, page.protocol, page.batch.gaps[row])
-    return draw_frame(page.batch, page.protocol, row)
+    drawn = draw_frame(page.batch, page.protocol, row)
+    return drawn.named(index.names, index.buses[page.bus])
 
 
 def _part(index: CaptureIndex, number: int) -> DetailPart:
@@ -148,7 +149,9 @@ def _findings(
     out = []
     for row in np.flatnonzero(found["line"] == part.line).tolist():
         one = found[row]
-        anomaly = index.pages.get(int(one["page"])).batch.anomalies[int(one["row"])]
+        page = index.pages.get(int(one["page"]))
+        anomaly = page.batch.anomalies[int(one["row"])]
+        anomaly = index.names.on(index.buses[page.bus], anomaly)
         known = CATALOGUE[anomaly.code]
         severity = int(one["severity"])
         at, length = _within(index, part, anomaly.evidence[0])

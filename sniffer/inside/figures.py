@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ShownServo:
-    """A servo of a bus (-1: nobody's); times are those of its answers."""
+    """A servo of a bus (-1: nobody's), with its name; times are those of its answers."""
 
     bus: str
     servo: int
+    who: str
     requests: int
     answers: int
     missing: int
@@ -101,7 +102,9 @@ def _servos(index: CaptureIndex, lines: Table) -> list[ShownServo]:
             order = mine[np.argpartition(at_most[mine], (n // 2, n - 1))]
             middle, worst = (_took(took, spread, int(order[i])) for i in (n // 2, n - 1))
         counts = int(asked[k]), int(said[k]), int(missing[k])
-        out.append(ShownServo(index.buses[k // width], k % width - 1, *counts, middle, worst))
+        bus, servo = index.buses[k // width], k % width - 1
+        who = index.names.label(bus, servo) if servo >= 0 else "-"
+        out.append(ShownServo(bus, servo, who, *counts, middle, worst))
     return sorted(out, key=lambda s: -s.missing)
 
 

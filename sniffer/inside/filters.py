@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import KINDS, OUTCOMES
 from sniffer.ground.model import InputError, Severity
 from sniffer.ground.wording import nearly, offered
 from sniffer.inside.selecting import SelectionFilter
 from sniffer.selection.columns import TABLES
+from sniffer.selection.selection import complaint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.ground.model import I64, Mask
+    from sniffer.inside.columns import Table
     from sniffer.inside.index import CaptureIndex
 
 WORDS: Final = ("servo", "kind", "op", "code", "bus", "outcome", "severity")
@@ -66,6 +69,8 @@ class WordFilter:
         for word in self._words:
             if word.key == "code":
                 met = _coded(index, numbers, word.named)
+            elif word.key == "servo":
+                met = _of_servos(index, lines, word.named)
             else:
                 column, wanted = _wanted(index, word)
                 met = np.isin(lines[column], wanted)
@@ -73,10 +78,11 @@ class WordFilter:
         return out
 
 
-def filter_of(text: str) -> LineFilter | None:
+def filter_of(text: str, names: ServoNames | None = None) -> LineFilter | None:
     """Return what a filter line says, None where it says nothing.
 
-    Words (``servo=3,5 kind=response``), or an expression as ``--where`` takes it.
+    Words (``servo=3,5 kind=response``), or an expression as ``--where`` takes it. Words may tell
+    servos by their ``names``.
 
     Raises:
         InputError: it is no filter.
@@ -86,7 +92,8 @@ def filter_of(text: str) -> LineFilter | None:
     found = [_WORD.fullmatch(word) for word in text.split()]
     if not all(found):
         return SelectionFilter(text)
-    return WordFilter([_word(*one.groups()) for one in found if one])
+    called = names or ServoNames()
+    return WordFilter([_word(one[1], one[2], one[3], called) for one in found if one])
 
 
 def completions(index: CaptureIndex) -> dict[str, list[str]]:
@@ -95,7 +102,10 @@ def completions(index: CaptureIndex) -> dict[str, list[str]]:
     servos = np.unique(recent["servo"])
     codes = np.unique(index.found["code"][-(1 << 16) :])
     return {
-        "servo": [str(s) for s in servos.tolist() if s >= 0],
+        "servo": [
+            *(str(s) for s in servos.tolist() if s >= 0),
+            *(name for name in index.names.known if not set(name) & set(" ,'()=")),
+        ],
         "kind": list(KIND_NAMES),
         "op": sorted(index.ops),
         "code": [CODES[c] for c in codes.tolist()],
@@ -121,7 +131,7 @@ def completed(text: str, known: dict[str, list[str]]) -> str | None:
     return f"{before}{key}{sign}{done}{comma}{fits[0]}" if fits else None
 
 
-def _word(key: str, sign: str, value: str) -> FilterWord:
+def _word(key: str, sign: str, value: str, names: ServoNames) -> FilterWord:
     if key not in WORDS:
         raise InputError(f"nothing is called {key[:40]!r}: {offered(key[:40], WORDS)}")
     named = tuple(part for part in value.split(",") if part)
@@ -131,15 +141,28 @@ def _word(key: str, sign: str, value: str) -> FilterWord:
             near = nearly(name[:40], known[key]) or f": one of {', '.join(known[key][:8])}"
             raise InputError(f"{key} {name[:40]!r} is not known{near}")
         if key == "servo" and not name.isdigit():
-            raise InputError(f"servo {name[:40]!r} is no id: write servo=3,5")
+            if not names:
+                raise InputError(f"servo {name[:40]!r} is no id: write servo=3,5")
+            try:
+                names.having(name)
+            except InputError as error:
+                raise InputError(complaint(error)) from None
     return FilterWord(key, named, sign == "!=")
+
+
+def _of_servos(index: CaptureIndex, lines: Table, named: Sequence[str]) -> Mask:
+    """Tell which lines are of servos that are told by id or name; each bus has names of its own."""
+    met: Mask = np.isin(lines["servo"], [int(name) for name in named if name.isdigit()])
+    for name in (name for name in named if not name.isdigit()):
+        for number, bus in enumerate(index.buses):
+            ids = index.names.ids(bus, name)
+            met |= (lines["bus"] == number) & np.isin(lines["servo"], ids)
+    return met
 
 
 def _wanted(index: CaptureIndex, word: FilterWord) -> tuple[str, list[int]]:
     """Return a column and the numbers in it that a word names."""
     match word.key:
-        case "servo":
-            return "servo", [int(name) for name in word.named]
         case "kind":
             return "kind", _numbers(KIND_NAMES, word.named)
         case "outcome":

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NOT_EXPECTED, OK
@@ -43,6 +44,8 @@ class CaptureIndex:
     """
 
     def __init__(self) -> None:
+        self.names = ServoNames()
+        """What servos are called."""
         self.buses: list[str] = []
         self.protocols: list[BusProtocol] = []
         self.ops: list[str] = []
@@ -66,6 +69,10 @@ class CaptureIndex:
     def found(self) -> Table:
         """The anomalies that are known by now."""
         return self._found.rows
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self.names = names
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Count bytes."""

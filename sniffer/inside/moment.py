@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -30,15 +30,22 @@ SHOWN: Final = (
 )
 """Quantities that have a column, as ``Register.quantity`` names them; others are left out."""
 
+NEAR: Final = 1 << 12
+"""Lines in which a bus is looked for first."""
+
 TITLES: Final = {"goal_position": "goal", "temperature": "temp"}
 
 
 @dataclass(frozen=True, slots=True)
 class MomentRow:
-    """A servo: its cells by title, and how long ago its latest value was told, in seconds."""
+    """A servo: its cells by title, and how long ago its latest value was told, in seconds.
+
+    ``who`` is its id with its name.
+    """
 
     bus: str
     servo: int
+    who: str
     cells: dict[str, str]
     age_s: float
 
@@ -46,15 +53,29 @@ class MomentRow:
 def moment_of(index: CaptureIndex, number: int) -> list[MomentRow]:
     """Return the servos of all buses as they were known when a line was heard."""
     one = index.lines[number]
-    now, last = int(one["t"]), int(one["page"])
+    now = int(one["t"])
     out: list[MomentRow] = []
     for bus, name in enumerate(index.buses):
-        page = index.pages.last_of(bus, last)
+        page = _page(index, bus, number)
         if page < 0:
             continue
         board = _board(index, page, now)
-        out += _rows(name, index.protocols[bus].registers, board, now)
+        rows = _rows(name, index.protocols[bus].registers, board, now)
+        out += [replace(row, who=index.names.label(name, row.servo)) for row in rows]
     return out
+
+
+def _page(index: CaptureIndex, bus: int, number: int) -> int:
+    """Return the page of a bus's last line up to a line, -1 where there is none.
+
+    Pages of several buses overlap in time: one that is later may begin before this line.
+    """
+    for first in (max(number + 1 - NEAR, 0), 0):
+        lines = index.lines[first : number + 1]
+        mine = np.flatnonzero(lines["bus"] == bus)
+        if len(mine):
+            return int(lines["page"][mine[-1]])
+    return -1
 
 
 def _board(index: CaptureIndex, number: int, now: int) -> Board:
@@ -89,7 +110,7 @@ def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> 
         if (error := _error(known)) is not None:
             cells["error"] = error
         latest = max(told.t_ns for _, told in known.values())
-        out.append(MomentRow(bus, servo, cells, (now - latest) / NS))
+        out.append(MomentRow(bus, servo, str(servo), cells, (now - latest) / NS))
     return out
 
 

@@ -104,11 +104,6 @@ class Pages:
                 self._kept.popitem(last=False)
             return page
 
-    def last_of(self, bus: int, until: int) -> int:
-        """Return the last page of a bus up to a number, -1 where there is none."""
-        numbers = range(min(until, len(self._places) - 1), -1, -1)
-        return next((n for n in numbers if self._places[n].bus == bus), -1)
-
     def protocol_of(self, number: int) -> BusProtocol:
         """Return whose words a page has, without fetching it."""
         return self._places[number].protocol

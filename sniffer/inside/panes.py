@@ -19,6 +19,8 @@ from sniffer.inside.moment import SHOWN, TITLES
 from sniffer.inside.table import SEVERITIES
 
 if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
     from sniffer.inside.detail import Detail, DetailField, DetailPart
     from sniffer.inside.figures import ShownFigures
     from sniffer.inside.moment import MomentRow
@@ -173,12 +175,14 @@ def moment_table(rows: list[MomentRow]) -> Table | str:
     used = [t for t in titles if any(t in row.cells for row in rows)]
     out = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     several = len({row.bus for row in rows}) > 1
+    named = any(row.who != str(row.servo) for row in rows if row.servo >= 0)
     for title in (["bus"] if several else []) + ["servo", *used, "age"]:
-        out.add_column(title, justify="right", no_wrap=True)
+        side: JustifyMethod = "left" if named and title == "servo" else "right"
+        out.add_column(title, justify=side, no_wrap=True)
     for row in rows:
         cells = [row.cells.get(title, "") for title in used]
         bus = [plain(row.bus)] if several else []
-        out.add_row(*bus, str(row.servo) if row.servo >= 0 else "-", *cells, _age(row.age_s))
+        out.add_row(*bus, plain(row.who) if row.servo >= 0 else "-", *cells, _age(row.age_s))
     return out
 
 
@@ -196,9 +200,10 @@ def figures_text(figures: ShownFigures) -> Text:
     buses = list(dict.fromkeys(plain(s.bus) for s in figures.servos))
     several = max(map(cell_len, buses), default=0) if len(buses) > 1 else 0
     title = f"{set_cell_size('bus', max(several, 3))}  " if several else ""
-    out.append(f"{title}servo  asked    answers  missing  median    worst\n", "bold")
+    room = max((cell_len(s.who) for s in figures.servos if " " in s.who), default=5)
+    out.append(f"{title}{'servo':{room}}  asked    answers  missing  median    worst\n", "bold")
     for s in figures.servos:
-        who = f"{s.servo if s.servo >= 0 else '-':>5}"
+        who = set_cell_size(plain(s.who), room) if room > len("servo") else f"{s.who:>5}"
         if several:
             who = f"{set_cell_size(plain(s.bus), max(several, 3))}  {who}"
         style = "red" if s.missing else ""

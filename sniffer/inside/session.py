@@ -58,6 +58,8 @@ def look_inside(
     options = options or Options()
     options.check()
     with open_capture(inputs, input_format, wiring=options.wired) as opened:
+        if selection is not None:
+            selection = selection.named(options.called_with(opened.facts()))
         path = Path(inputs[0])
         kept = path if len(inputs) == 1 else None
         reading = Reading(opened, options, CaptureIndex(), growing=path if follow else None)

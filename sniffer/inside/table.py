@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 WIDE: Final = 120
 """From this width on there are columns for the bus and the offset, and microseconds."""
 
+NAMES: Final = 24
+"""Columns that ids with names have at most, where there are wide ones: the field pane has all."""
+
 WORDS_KEPT: Final = 512
 """Lines whose words are kept: some screens."""
 
@@ -200,6 +203,15 @@ class FrameList(ScrollView, can_focus=True):
             return since(words.t_ns)
         return time_of_day(words.t_ns, 6 if self.size.width >= WIDE else 3)
 
+    def _who(self, servo: str, *, wide: bool) -> str:
+        """Return an id in its column; with the name beside it where there is room for names."""
+        names = self.view.index.names.known
+        number, _, name = servo.partition(" ")
+        if not names or not wide:
+            return number.rjust(3)
+        text, room = f"{number:>3} {name}", min(max(map(cell_len, names)) + 4, NAMES)
+        return set_cell_size(text, room - 1) + "…" if cell_len(text) > room else text.ljust(room)
+
     def _laid(self, cells: tuple[str, ...], time: str, width: int, *, shift: int) -> str:
         """Lay cells out; the values get what is left of the width."""
         mark, bus, servo, kind, op, values, verdict, offset = cells
@@ -210,7 +222,7 @@ class FrameList(ScrollView, can_focus=True):
             before.append(fit(bus, 8 if wide else 5))
         if wide:
             before.append(offset.rjust(10))
-        before += [servo.rjust(3), kind, fit(op, 19 if wide else 15)]
+        before += [self._who(servo, wide=wide), kind, fit(op, 19 if wide else 15)]
         head, tail = " ".join(before), fit(verdict, 18 if wide else 13)
         room = max(width - cell_len(head) - cell_len(tail) - 2, 8)
         return set_cell_size(f"{head} {fit(values[shift:], room)} {tail}", width)

@@ -61,7 +61,7 @@ def line_words(index: CaptureIndex, number: int, *, exchange: bool = False) -> L
         int(one["t"]),
         plain(index.buses[int(one["bus"])]),
         int(one["at"]),
-        str(servo) if servo >= 0 else "-",
+        index.names.label(index.buses[int(one["bus"])], servo) if servo >= 0 else "-",
         "!" if kind == GAP else "<" if kind == RESPONSE else ">",
         index.ops[int(one["op"])],
         values,

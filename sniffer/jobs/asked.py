@@ -124,6 +124,8 @@ class Extract:
         Raises:
             InputError: something is not there, or several buses have the byte that is meant.
         """
+        if self.selection is not None:
+            self = replace(self, selection=self.selection.named(options.called))
         if not self.seeks:
             return self
         places = [p for p in (self.start, self.stop) if p is not None and p.kind == FOUND]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
@@ -44,6 +45,8 @@ class Diagnosed:
     rest: Rest
     has_clock: bool
     ending: Ending
+    names: ServoNames = field(default_factory=ServoNames)
+    """What servos are called, where they are shown to people."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
@@ -99,4 +102,5 @@ def diagnose(
         diagnosis.rest(incidents).of(inputs_of(source)),
         diagnosis.has_clock,
         done.ending,
+        done.summary.names,
     )

@@ -111,7 +111,7 @@ def explain_at(
     out = [head, *told]
     for piece in pieces:
         out += ["", f"at byte {piece.offset}, {_moment(piece.t_ns)}", *piece.lines]
-    return pieces[-1].holds, out
+    return pieces[-1].holds, [options.called.sentence(name, line) for line in out]
 
 
 def _moment(t_ns: int) -> str:

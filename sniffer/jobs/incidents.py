@@ -59,8 +59,9 @@ class LiveIncidents:
             self._board.incidents = self.sink.known()
         if not changes:
             return
+        names = recorder.pipeline.summary.names
         for change in changes:
-            self._tell.talk(str(change))
+            self._tell.talk(names.sentence(change.incident.bus, str(change)))
         if self._watch is not None:
             self._watch.incidents(changes)
         if self._view is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.called import NAME, names_in, overlaid
 from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.options import AUTO, SINCE, Options
@@ -29,6 +30,7 @@ from sniffer.sources.several import refuse_twice
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from sniffer.decoding.called import Named
     from sniffer.jobs.session import Patience
     from sniffer.protocols.base import BusProtocol
     from sniffer.sources import Source
@@ -38,6 +40,9 @@ MERGED: Final = "merged"
 
 _OF_A_BUS: Final = ("baud", "latency_ns", "protocol", "plugin", "port", "pair", SINCE)
 """Facts that belong to a bus and get its new name."""
+
+_SAID_ANEW: Final = frozenset((*_OF_A_BUS, OFFSET, "rate", NAME.removesuffix(".")))
+"""Facts that are not handed on as they are, though all captures may agree on them."""
 
 
 @dataclass(slots=True)
@@ -132,7 +137,8 @@ def merge(
         if align:
             _align(inputs, {str(_named(inputs, p).path) for p in offsets or {}}, tell)
         _name(inputs, pair=pair, together=together)
-        facts, both = _facts(inputs), replace(options, protocols=_protocols(inputs, options))
+        spoken, called = _protocols(inputs, options), overlaid(_called(inputs), options.names)
+        facts, both = _facts(inputs), replace(options, protocols=spoken, names=called)
 
         said = [tell]
 
@@ -287,7 +293,7 @@ def _facts(inputs: Sequence[_Input]) -> dict[str, str]:
             name = f"{what}.{one.names[bus]}{rest.removeprefix(bus)}"
             out.setdefault(name, "0" if what == SINCE else value)
     shared = set.intersection(*(set(one.facts.items()) for one in inputs))
-    out |= {k: v for k, v in shared if k.partition(".")[0] not in (*_OF_A_BUS, OFFSET, "rate")}
+    out |= {k: v for k, v in shared if k.partition(".")[0] not in _SAID_ANEW}
     return out
 
 
@@ -299,6 +305,24 @@ def _protocols(inputs: Sequence[_Input], options: Options) -> dict[str, str | Bu
             if bus in one.names:
                 told.setdefault(one.names[bus], name)
     return {**told, **options.protocols}
+
+
+def _called(inputs: Sequence[_Input]) -> dict[Named, str]:
+    """Return what servos are called; who has one id in two captures need not be one servo."""
+    told = [names_in(one.facts) for one in inputs]
+    everywhere: list[dict[Named, str]] = [
+        {who: name for who, name in names.items() if isinstance(who, int)} for names in told
+    ]
+    agree = all(names == everywhere[0] for names in everywhere)
+    out: dict[Named, str] = everywhere[0] if agree else {}
+    for one, names in zip(inputs, told, strict=True):
+        for who, name in names.items():
+            if isinstance(who, tuple) and who[0] in one.names:
+                out[one.names[who[0]], who[1]] = name
+            elif isinstance(who, int) and not agree:
+                for bus in one.names.values():
+                    out.setdefault((bus, who), name)
+    return out
 
 
 def _paired(inputs: Sequence[_Input], options: Options, tell: Teller) -> Merger:

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
-from sniffer.decoding.options import SINCE, alarm_facts, name_facts
+from sniffer.decoding.called import name_facts
+from sniffer.decoding.options import SINCE, alarm_facts
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import (
     TABLES,
@@ -54,7 +55,7 @@ _MADE: Final = ("tool", "source", "written")
 
 _ANEW: Final = frozenset(
     {*_MADE, "protocol", "plugin", "baud", "rate", SINCE, "latency_ns", "model", "alarm"}
-    | {"offset", "topics", "joints"}
+    | {"offset", "topics", "joints", "name"}
 )
 """Facts of a recording that are said anew of what is made of it, or are not true of it."""
 

@@ -108,7 +108,8 @@ def report(
         notes = tuple(opened.notes)
         if (part := hearing.summary.narrowed.get("part")) is not None:
             notes = (f"a part of the capture, {part}", *notes)
-        incidents = sorted(hearing.diagnosis.incidents(), key=_rank)
+        names = hearing.summary.names
+        incidents = sorted((i.named(names) for i in hearing.diagnosis.incidents()), key=_rank)
         evidence = Exhibits(incidents)
         if not evidence.is_done:
             _draw(opened, options, evidence)
@@ -166,7 +167,7 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
-        rest=hearing.diagnosis.rest(incidents).of(inputs),
+        rest=hearing.diagnosis.rest(incidents).of(inputs).named(hearing.summary.names),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )

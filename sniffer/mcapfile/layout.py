@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import ServoNames
 from sniffer.ground.colours import Colours
 from sniffer.ground.units import word_of
 from sniffer.mcapfile.fields import UNITS, quantity_of, unit_of
@@ -18,6 +19,8 @@ from sniffer.mcapfile.states import RESPONSE_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
+
+    from sniffer.decoding.called import Named
 
 LEGEND: Final = 170
 """How wide the names of curves are beside a plot, in pixels."""
@@ -60,7 +63,7 @@ class _Series:
 
 
 def layout(
-    topics: Collection[str], fields: Mapping[str, Collection[str]], names: Mapping[int, str]
+    topics: Collection[str], fields: Mapping[str, Collection[str]], names: Mapping[Named, str]
 ) -> dict[str, Any] | None:
     """Return the layout, None where there is nothing to show.
 
@@ -71,10 +74,11 @@ def layout(
     """
     series = sorted(_series(topics, fields))
     many = len({s.bus for s in series}) > 1
-    colours = Colours()
+    colours, called = Colours(), ServoNames(names)
 
     def path(s: _Series) -> dict[str, Any]:
-        who = names.get(s.servo, f"servo {s.servo}" if s.servo >= 0 else "unknown servo")
+        who = called.of(s.bus.strip("/"), s.servo)
+        who = who or (f"servo {s.servo}" if s.servo >= 0 else "unknown servo")
         is_limit = s.quantity.endswith("_limit")
         what = "goal" if s.quantity.startswith("goal_") else ""
         what = s.quantity.replace("_", " ") if is_limit or s.quantity in STATES else what

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.options import names_in
+from sniffer.decoding.called import ServoNames, names_in
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import and_
@@ -28,6 +28,7 @@ from sniffer.mcapfile.rows import Heads, Loose
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from sniffer.decoding.called import Named
     from sniffer.ground.model import I64, Anomaly
     from sniffer.mcapfile.fields import KnownValues
     from sniffer.mcapfile.kinds import MessageType
@@ -68,9 +69,9 @@ class JointPlaces:
         names: of servos, for joints where none are given; else ``<bus>_servo<id>``.
     """
 
-    def __init__(self, joints: Sequence[RosJoint], names: Mapping[int, str]) -> None:
+    def __init__(self, joints: Sequence[RosJoint], names: Mapping[Named, str]) -> None:
         self._joints = {(joint.bus, joint.servo): joint for joint in joints}
-        self._names = names
+        self._names = ServoNames(names)
         self._places: dict[tuple[str, int], _JointField] = {}
         self._left: dict[tuple[str, int], str] = {}
 
@@ -87,7 +88,7 @@ class JointPlaces:
 
     def joint(self, bus: str, servo: int) -> RosJoint:
         """Return the joint that a servo is."""
-        name = self._names.get(servo, f"{bus}_servo{servo}")
+        name = self._names.of(bus, servo) or f"{bus}_servo{servo}"
         return self._joints.get((bus, servo), RosJoint(bus, servo, name))
 
     def place(

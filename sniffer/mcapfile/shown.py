@@ -12,7 +12,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Header, Metadata
 
-from sniffer.decoding.options import names_in
+from sniffer.decoding.called import names_in
 from sniffer.ground.model import InputError
 from sniffer.mcapfile.given import open_recording, unreadable
 from sniffer.mcapfile.layout import ATTACHED, layout
@@ -25,6 +25,8 @@ from sniffer.messages.servo_state_pb2 import ServoState
 if TYPE_CHECKING:
     from io import BufferedReader
     from pathlib import Path
+
+    from sniffer.decoding.called import Named
 
 
 def layout_of(path: Path) -> dict[str, Any]:
@@ -68,7 +70,7 @@ def _made(stream: BufferedReader, path: Path) -> dict[str, Any] | None:
     records = Records(stream)
     topics: set[str] = set()
     fields: dict[str, set[str]] = {}
-    names: dict[int, str] = {}
+    names: dict[Named, str] = {}
     is_ours = False
     try:
         for record in records:

@@ -30,7 +30,7 @@ import numpy as np
 from mcap.records import Attachment
 
 from sniffer import __version__
-from sniffer.decoding.options import names_in
+from sniffer.decoding.called import names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path

@@ -12,6 +12,7 @@ from sniffer.reports.words import listed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
@@ -46,6 +47,11 @@ class Content:
     rest: Rest
     tool: str
     made: str
+
+    @property
+    def names(self) -> ServoNames:
+        """What servos are called."""
+        return self.summary.names
 
     @property
     def worst(self) -> Incident | None:
@@ -85,6 +91,13 @@ class Content:
             if i.bus in (lane, bus) and (servo in i.servo_ids or not i.servo_ids)
         ]
 
+    def titled(self, incident: Incident) -> str:
+        """Return what an incident is, in words: its likeliest cause and whom it struck."""
+        title = CAUSES[incident.cause].title
+        title = title[:1].upper() + title[1:]
+        who = listed([self.names.servo(incident.bus, one) for one in incident.servo_ids], 4)
+        return f"{title} ({who})" if who else title
+
 
 def happened(incident: Incident) -> str:
     """Return what happened, without the cause before it: who tells it has said that already."""
@@ -97,11 +110,3 @@ def tale(incident: Incident) -> str:
     """Return what happened as a sentence."""
     story = happened(incident)
     return story[:1].upper() + story[1:]
-
-
-def titled(incident: Incident) -> str:
-    """Return what an incident is, in words: its likeliest cause and whom it struck."""
-    title = CAUSES[incident.cause].title
-    title = title[:1].upper() + title[1:]
-    who = listed([f"servo {servo}" for servo in incident.servo_ids], 4)
-    return f"{title} ({who})" if who else title

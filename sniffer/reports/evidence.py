@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.drawing import draw_frame, draw_gap
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.gaps import Gaps
@@ -64,7 +65,8 @@ class Exhibits:
 
     def __init__(self, incidents: Iterable[Incident]) -> None:
         self._wanted: dict[str, list[tuple[int, int, int]]] = {}
-        self._places: list[tuple[int, Place]] = []
+        self._places: list[tuple[int, str, Place]] = []
+        self._names = ServoNames()
         self._pieces: dict[int, list[Drawn]] = {}
         self._before: dict[int, list[Drawn]] = {}
         self._behind: dict[int, list[Drawn]] = {}
@@ -77,7 +79,7 @@ class Exhibits:
                 if len(self._places) < DRAWN_MOST:
                     wanted = self._wanted.setdefault(incident.bus, [])
                     wanted.append((place.offset, place.offset + place.length, len(self._places)))
-                    self._places.append((incident.number, place))
+                    self._places.append((incident.number, incident.bus, place))
         self._left = {bus: max(e[1] for e in wanted) for bus, wanted in self._wanted.items()}
 
     @property
@@ -87,6 +89,10 @@ class Exhibits:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: a batch has the bytes."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Draw what of the batch is evidence."""
@@ -122,10 +128,13 @@ class Exhibits:
     def exhibits(self) -> Mapping[int, Sequence[Exhibit]]:
         """Return what is shown of each incident, by its number."""
         out: dict[int, list[Exhibit]] = {}
-        for nth, (number, place) in enumerate(self._places):
-            pieces = sorted(self._pieces.get(nth, []), key=lambda piece: piece.offset)
-            beside = (tuple(told.get(nth, ())) for told in (self._before, self._behind))
-            out.setdefault(number, []).append(Exhibit(place, tuple(pieces), *beside))
+        for nth, (number, bus, place) in enumerate(self._places):
+            pieces, *beside = (
+                tuple(piece.named(self._names, bus) for piece in told.get(nth, ()))
+                for told in (self._pieces, self._before, self._behind)
+            )
+            pieces = tuple(sorted(pieces, key=lambda piece: piece.offset))
+            out.setdefault(number, []).append(Exhibit(place, pieces, *beside))
         return out
 
 

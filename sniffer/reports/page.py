@@ -16,7 +16,7 @@ from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import tables, words
 from sniffer.reports.boxes import drawing
-from sniffer.reports.content import SOUND, tale, titled
+from sniffer.reports.content import SOUND, tale
 from sniffer.reports.curves import STEPS_S, Charts
 from sniffer.reports.histograms import TimeScale, histogram
 from sniffer.reports.markup import Markup, joined, tag
@@ -132,7 +132,7 @@ def _verdict(content: Content) -> Markup:
     more = counted(others, "further incident")
     return tag(
         "section",
-        tag("h2", shape(worst.severity), f" {titled(worst)}"),
+        tag("h2", shape(worst.severity), f" {content.titled(worst)}"),
         tag("p", tale(worst), cls="story"),
         tag("p", tag("b", "Do next: "), worst.next, cls="next"),
         *([tag("p", tag("a", f"and {more}", href="#incidents"))] if others else []),
@@ -184,7 +184,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
     clock = content.clock_of(incident.bus)
     first, last = (words.moment(t, clock) for t in (incident.first_ns, incident.last_ns))
     when = first if first == last else f"{first} to {last}"
-    who = ", ".join(map(str, incident.servo_ids))
+    who = ", ".join(content.names.label(incident.bus, servo) for servo in incident.servo_ids)
     facts = [
         incident.bus,
         *([f"servo {who}"] if who else []),
@@ -206,7 +206,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
         for f in incident.findings[:FINDINGS]
     ]
     parts = [
-        tag("h3", shape(incident.severity), f" {incident.number}. {titled(incident)}"),
+        tag("h3", shape(incident.severity), f" {incident.number}. {content.titled(incident)}"),
         tag("p", " · ".join(facts), cls="dim"),
         tag("p", tale(incident), cls="story"),
         tag("p", tag("b", "Do next: "), incident.next, cls="next"),

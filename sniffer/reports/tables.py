@@ -66,7 +66,8 @@ class Bad(NamedTuple):
 def servo_name(content: Content, lane: str, servo: int) -> str:
     """Return how a servo is called: with its bus where there are several."""
     several = len(content.collector.lanes) > 1
-    return f"{lane} servo {servo}" if several else f"servo {servo}"
+    told = content.names.servo(lane, servo)
+    return f"{lane} {told}" if several else told
 
 
 def present(content: Content) -> Iterator[tuple[str, int, ServoFigures]]:
@@ -79,7 +80,7 @@ def silent(content: Content) -> str:
     named: dict[str, list[str]] = {}
     for lane, servo, mine in content.collector.servos():
         if mine.wanted and not mine.responses:
-            named.setdefault(lane, []).append(str(servo))
+            named.setdefault(lane, []).append(content.names.label(lane, servo))
     several = len(content.collector.lanes) > 1
     parts = [
         f"{f'{lane}: ' if several else ''}{words.listed(ids, SILENT)}"
@@ -144,7 +145,11 @@ def anomalies(content: Content) -> list[tuple[str, list[Bad]]]:
         for code, n in sorted(b.codes.items(), key=lambda e: (-CATALOGUE[e[0]].severity, -e[1])):
             known, first = CATALOGUE[code], b.first[code]
             blamed = b.by_servo.get(code, Counter())
-            who = [f"{servo}×{k}" if len(blamed) > 1 else str(servo) for servo, k in blamed.items()]
+            first = content.names.on(name, first)
+            who = [
+                f"{content.names.label(name, servo)}{f'×{k}' * (len(blamed) > 1)}"
+                for servo, k in blamed.items()
+            ]
             remedy = first.remedy or known.remedy
             told = f"{first.detail} (byte {first.evidence[0][0]})"
             found.append(Bad(known.severity, code, n, words.listed(who, 4), told, remedy))

@@ -11,7 +11,7 @@ from sniffer.decoding.durations import FIGURES
 from sniffer.ground.units import sign_of
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
-from sniffer.reports.content import SOUND, tale, titled
+from sniffer.reports.content import SOUND, tale
 from sniffer.reports.shapes import SIGNS
 from sniffer.statistics.figures import DRAWN, ERROR, LONGEST
 
@@ -81,7 +81,8 @@ def _verdict(content: Content) -> Iterator[str]:
     if worst is None:
         yield "**No incident.**" + ("" if content.rest.told else f" {SOUND}")
     else:
-        yield f"**{SIGNS[worst.severity]} {worst.severity.name.lower()}: {told(titled(worst))}**"
+        sign, level = SIGNS[worst.severity], worst.severity.name.lower()
+        yield f"**{sign} {level}: {told(content.titled(worst))}**"
         yield from ("", told(tale(worst)), "", f"Do next: {told(worst.next)}")
     if content.rest.told:
         yield from ("", f"No cause can be told of {told(content.rest.told)}.")
@@ -96,7 +97,7 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
     first, last = (words.moment(t, clock) for t in (incident.first_ns, incident.last_ns))
     when = first if first == last else f"{first} to {last}"
     sign = SIGNS[incident.severity]
-    yield f"## {sign} {incident.number}. {told(titled(incident))}"
+    yield f"## {sign} {incident.number}. {told(content.titled(incident))}"
     yield from ("", f"{told(incident.bus)}, {when}, {counted(incident.count, 'time')}", "")
     yield from (told(tale(incident)), "", f"Do next: {told(incident.next)}", "")
     yield from (f"- {c.percent} % {told(c.cause)}: {told(c.why)}" for c in incident.causes[:3])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Final
+import functools
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, and_, spelled
@@ -30,6 +32,9 @@ SHORTHANDS: Final = {
 """The column that each shorthand is about; several of them are joined with AND."""
 
 
+_SOMEBODY: Final = "servo_id IS NOT NULL AND bus IS NOT NULL"
+"""Has the columns of a condition on servos, while it is not known yet who is called so."""
+
 WHOSE: Final = frozenset(("bus", "protocol", "servo_id", "t_ns"))
 """Columns that say of whatever rows whose they are, and when."""
 
@@ -44,6 +49,8 @@ class Selection:
     """
 
     def __init__(self, expression: Expression) -> None:
+        self._named: Callable[[ServoNames], Selection] | None = None
+        """Makes it of servos that were told by names: who is called so is known later."""
         named = set(expression.columns)
         self.text = expression.text
         self.tables = tuple(name for name, columns in TABLES.items() if named <= columns.keys())
@@ -93,30 +100,66 @@ class Selection:
         cls,
         where: str | None = None,
         *,
-        servos: Iterable[int] = (),
+        servos: Iterable[int | str] = (),
         ops: Iterable[str] = (),
         kinds: Iterable[str] = (),
         codes: Iterable[str] = (),
         buses: Iterable[str] = (),
+        names: ServoNames | None = None,
     ) -> Selection | None:
         """Return what an expression and shorthands say together, None where nothing is said.
 
+        Servos may be told by what they are called; where ``names`` are None, ``named`` has to be
+        asked for the selection once they are known.
+
         Raises:
-            InputError: as ``parse`` does; or a shorthand is no servo id, kind or code.
+            InputError: as ``parse`` does; or a shorthand is no servo id, name, kind or code.
         """
+        who = list(servos)
+        if names is None and any(isinstance(servo, str) for servo in who):
+            later: dict[str, Any] = {
+                "ops": [*ops],
+                "kinds": [*kinds],
+                "codes": [*codes],
+                "buses": [*buses],
+            }
+            waiting = cls.of(_SOMEBODY if where is None else f"({where}) AND {_SOMEBODY}", **later)
+            assert waiting is not None
+            waiting._named = functools.partial(cls._of_named, where, who, later)
+            return waiting
         if where is not None:
             cls.parse(where)  # what is wrong with it alone is told with its own places
         asked: dict[str, list[str]] = {
-            "servos": [_servo(servo) for servo in servos],
             "ops": [_text(op) for op in ops],
             "kinds": [_text(_known("kinds", kind)) for kind in kinds],
             "codes": [_text(_known("codes", code)) for code in codes],
             "buses": [_text(bus) for bus in buses],
         }
-        parts = [_one_of(SHORTHANDS[name], told) for name, told in asked.items() if told]
+        parts = [_servos(who, names or ServoNames())] if who else []
+        parts += [_one_of(SHORTHANDS[name], told) for name, told in asked.items() if told]
         if where is not None:
             parts.append(f"({where.strip()})" if parts else where)
         return cls.parse(" AND ".join(parts)) if parts else None
+
+    @classmethod
+    def _of_named(
+        cls,
+        where: str | None,
+        servos: list[int | str],
+        asked: dict[str, Any],
+        names: ServoNames,
+    ) -> Selection:
+        out = cls.of(where, servos=servos, names=names, **asked)
+        assert out is not None
+        return out
+
+    def named(self, names: ServoNames) -> Selection:
+        """Return it with the ids of the servos that were told by their names.
+
+        Raises:
+            InputError: no servo is called so.
+        """
+        return self if self._named is None else self._named(names)
 
     def rows(self, bus: str, protocol: BusProtocol, batch: Batch) -> Callable[[str], Mask]:
         """Return what gives, by the name of a table, which of a batch's rows are shown.
@@ -137,6 +180,8 @@ class Selection:
 
     def mask(self, table: str, rows: Rows) -> Mask:
         """Return which rows of one table are shown."""
+        if self._named is not None:
+            raise TypeError("the names of servos are not known yet: ask for `named`")
         n = rows.count(table)
         if not n or table not in self.tables:
             return np.zeros(n, bool)
@@ -180,6 +225,27 @@ def _apart(columns: Iterable[str]) -> str:
     told = [f"{and_(names)} {'is' if len(names) == 1 else 'are'} of {and_(list(tables))}"
             for tables, names in where.items()]  # fmt: skip
     return f"no table has all of its columns: {'; '.join(told)}"
+
+
+def _servos(who: Iterable[int | str], names: ServoNames) -> str:
+    """Return a condition on ids; what a name means on one bus only is asked of that bus."""
+    ids: list[str] = []
+    others: list[str] = []
+    for servo in who:
+        if isinstance(servo, int):
+            ids.append(_servo(servo))
+            continue
+        for called, elsewhere in names.having(servo):
+            if isinstance(called, tuple):
+                others.append(f"bus = {_text(called[0])} AND servo_id = {called[1]}")
+            elif elsewhere:
+                told = ", ".join(map(_text, elsewhere))
+                others.append(f"servo_id = {called} AND bus NOT IN ({told})")
+            else:
+                ids.append(str(called))
+    every = [_one_of("servo_id", list(dict.fromkeys(ids)))] if ids else []
+    every += others
+    return every[0] if len(every) == 1 else f"({' OR '.join(f'({part})' for part in every)})"
 
 
 def _servo(servo: int) -> str:

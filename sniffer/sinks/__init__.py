@@ -38,10 +38,9 @@ def _mcap(path: Path, session: Session) -> Sink:
 
 
 def _rerun(path: Path, session: Session) -> Sink:
-    from sniffer.decoding.options import names_in
     from sniffer.sinks.rerun.judged import JudgedRerunSink
 
-    return JudgedRerunSink(path, names=names_in(session))
+    return JudgedRerunSink(path)
 
 
 def _pcapng(path: Path, session: Session) -> Sink:

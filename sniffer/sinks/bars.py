@@ -51,7 +51,8 @@ def print_histograms(
     for name in lanes:
         for c in statistics.lanes[name].commands.figures():
             if c.replies.times.count and c.servo_id >= 0:
-                who = f"{name} {c.servo_id}" if len(lanes) > 1 else f"{c.servo_id}"
+                who = statistics.names.label(name, c.servo_id)
+                who = f"{name} {who}" if len(lanes) > 1 else who
                 low, high = c.replies.times.histogram()
                 before = sums.get(who)
                 sums[who] = (low, high) if before is None else (before[0] + low, before[1] + high)

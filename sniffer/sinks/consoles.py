@@ -18,6 +18,9 @@ NARROWEST: Final = 66
 """Columns that tables of figures have at least: a line that a terminal breaks can be read, a number
 that is cut off is a wrong one."""
 
+GLUE: Final = "\u2800"
+"""Stands for a blank at which no line is broken, until all is laid out."""
+
 _PADDING: Final = re.compile(r" +((?:\x1b\[[\d;]*m)*) *$", re.MULTILINE)
 
 
@@ -46,6 +49,11 @@ def console_for(
             color_system="standard",
         )
     return console
+
+
+def glued(words: str) -> str:
+    """Return words that stay in one line where there is room for them in one."""
+    return words.replace(" ", GLUE)
 
 
 @contextlib.contextmanager

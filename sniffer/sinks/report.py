@@ -19,19 +19,17 @@ from sniffer.ground.codes import OBSERVED
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
 from sniffer.protocols import PROTOCOLS
-from sniffer.sinks.consoles import NARROWEST
+from sniffer.sinks.consoles import GLUE, NARROWEST, glued
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis import Incident
-
-GLUE: Final = "\u2800"
-"""Stands for a blank at which no line is broken, until all is laid out."""
 
 SERVOS: Final = 3
 """How many servos are named beside an anomaly."""
@@ -103,7 +101,7 @@ def print_summary(summary: Summary, console: Console, incidents: Sequence[Incide
                 if part:
                     console.print()
                 mine = [i for i in incidents if i.bus == name]
-                _print_bus(name, each, summary.paces.get(name), console, mine)
+                _print_bus(name, each, summary, console, mine)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()
     console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
@@ -120,10 +118,11 @@ def _print_shared(name: str, b: BusTotals, console: Console) -> None:
 def _print_bus(
     name: str,
     b: BusTotals,
-    told: Pace | None,
+    summary: Summary,
     console: Console,
     incidents: Sequence[Incident],
 ) -> None:
+    told, names = summary.paces.get(name), summary.names
     frames, gaps = counted(sum(b.kinds.values()), "frame"), counted(sum(b.gaps.values()), "gap")
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
@@ -140,7 +139,7 @@ def _print_bus(
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
     shown = ", ".join(
-        f"{servo} {model}"
+        f"{names.label(name, servo)} {model}"
         for servo, (model, how) in sorted(b.models.items())
         if how == OBSERVED and model != b.usual_model
     )
@@ -153,16 +152,16 @@ def _print_bus(
         console.print(Padding(Text(line), (0, 0, 0, 2)))
     if b.by_command:
         console.print()
-        console.print(_commands(b))
+        console.print(_commands(name, b, names))
     console.print()
     left = _unexplained(b, incidents)
     if incidents:
-        console.print(_incidents(incidents))
+        console.print(_incidents(incidents, names))
         console.print("  `sniffer diagnose` says why, and what to do")
         if left:
             console.print()
     if left:
-        console.print(_anomalies(b, left))
+        console.print(_anomalies(name, b, left, names))
     elif not incidents:
         console.print("  no anomalies")
 
@@ -177,7 +176,7 @@ def _unexplained(b: BusTotals, incidents: Sequence[Incident]) -> Counter[str]:
     return +left
 
 
-def _incidents(incidents: Sequence[Incident]) -> Table:
+def _incidents(incidents: Sequence[Incident], names: ServoNames) -> Table:
     table = _table()
     table.add_column("level", no_wrap=True)
     table.add_column("incident", overflow="fold")
@@ -192,17 +191,17 @@ def _incidents(incidents: Sequence[Incident]) -> Table:
         explains = ", ".join(f"{code}{GLUE}{n}" for code, n in codes.most_common())
         table.add_row(
             Text(level, style=_COLOUR[level]),
-            Text(_headline(incident)),
+            Text(_headline(incident, names)),
             f"{incident.causes[0].percent}{GLUE}%",
-            explains or incident.findings[0].what,
+            explains or names.sentence(incident.bus, incident.findings[0].what),
         )
     return table
 
 
-def _headline(incident: Incident) -> str:
+def _headline(incident: Incident, names: ServoNames) -> str:
     """Return an incident's cause, and whose it is."""
     cause = CAUSES[incident.cause].title
-    who = and_([f"servo {i}" for i in incident.servo_ids])
+    who = and_([names.servo(incident.bus, i) for i in incident.servo_ids])
     return f"{incident.cause}: {cause}" + (f" ({who})" if who else "")
 
 
@@ -223,18 +222,21 @@ def _table() -> Table:
     return Table(box=None, pad_edge=True, padding=(0, 0, 0, 2))
 
 
-def _commands(b: BusTotals) -> Table:
+def _commands(bus: str, b: BusTotals, names: ServoNames) -> Table:
     failed = any(b.bad_by_servo.values())
     table = _table()
+    who = [k[0] for k in b.by_command]
+    named = any(names.of(bus, servo) for servo in who)
+    side: JustifyMethod = "left" if named else "right"
+    table.add_column("servo", justify=side, no_wrap=not named, overflow="fold")
     for title in (
-        "servo",
         "frames",
         *(("reply p50 ms", "p99", "max") if b.times else ()),
         *(("failed",) if failed else ()),
     ):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("commands sent/answered", overflow="fold")
-    for servo in sorted({k[0] for k in b.by_command}):
+    for servo in sorted(set(who)):
         mine = {(op, kind): n for (who, op, kind), n in b.by_command.items() if who == servo}
         ops: dict[str, list[int]] = {}
         for (op, kind), n in mine.items():
@@ -243,7 +245,7 @@ def _commands(b: BusTotals) -> Table:
             f"{op}{GLUE}{asked}" + (f"/{got}" if got else "")
             for op, (asked, got) in sorted(ops.items(), key=lambda e: -sum(e[1]))
         )
-        row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
+        row = [glued(names.label(bus, servo)) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:
             q = b.times.get(servo)
             times = [q.figure(share) if q else None for share in FIGURES.values()]
@@ -254,7 +256,7 @@ def _commands(b: BusTotals) -> Table:
     return table
 
 
-def _anomalies(b: BusTotals, left: Counter[str]) -> Table:
+def _anomalies(bus: str, b: BusTotals, left: Counter[str], names: ServoNames) -> Table:
     table = _table()
     table.add_column("level", no_wrap=True)
     table.add_column("anomaly", no_wrap=True)
@@ -270,17 +272,17 @@ def _anomalies(b: BusTotals, left: Counter[str]) -> Table:
             Text(level, style=_COLOUR[level]),
             Text(code, style=_COLOUR[level]),
             str(n),
-            *((_servos(b.by_servo.get(code, Counter())),) if b.by_servo else ()),
+            *((_servos(bus, b.by_servo.get(code, Counter()), names),) if b.by_servo else ()),
             str(first.evidence[0][0]),
-            Text(first.detail),
+            Text(names.sentence(bus, first.detail)),
         )
     return table
 
 
-def _servos(counts: Counter[int]) -> str:
+def _servos(bus: str, counts: Counter[int], names: ServoNames) -> str:
     """Return which servos, those with most first, each with its count where there are several."""
     if len(counts) < 2:
-        return "".join(map(str, counts))
-    shown = [f"{servo}×{n}" for servo, n in counts.most_common(SERVOS)]
+        return "".join(glued(names.label(bus, servo)) for servo in counts)
+    shown = [f"{glued(names.label(bus, servo))}×{n}" for servo, n in counts.most_common(SERVOS)]
     left = len(counts) - len(shown)
     return " ".join([*shown, f"+{left}"] if left else shown)

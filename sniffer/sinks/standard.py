@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
-from sniffer.decoding.sink import Narrowed, Paced, Part, Sink, written
+from sniffer.decoding.sink import Calling, Narrowed, Paced, Part, Sink, written
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.ground.streams import silence
 from sniffer.sinks.pieces import join, pieces_of
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any, TextIO
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.pieces import PieceMaker, WrittenElsewhere
@@ -50,6 +51,11 @@ class Standard:
         """Pass on what of it is written."""
         if isinstance(self._sink, Narrowed):
             self._sink.narrow(told)
+
+    def call(self, names: ServoNames) -> None:
+        """Pass on what servos are called."""
+        if isinstance(self._sink, Calling):
+            self._sink.call(names)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Pass a batch on while somebody listens."""

@@ -8,15 +8,17 @@ import numpy as np
 from rich.padding import Padding
 from rich.text import Text
 
+from sniffer.decoding.called import SERVO_NAME
 from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import NARROWEST, console_for, room_in, unfold
+from sniffer.sinks.consoles import GLUE, NARROWEST, console_for, glued, room_in, unfold
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 from sniffer.statistics.lags import whole_ms
+from sniffer.statistics.told import OF_SERVOS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -66,7 +68,8 @@ def print_stats(
                 console.print()
             _print_bus(bus, statistics, console, width, most, how, tables)
     # tables are padded to their width: nobody wants that in a file
-    text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
+    lines = printed.get().replace(GLUE, " ").splitlines()
+    text = "".join(line.rstrip() + "\n" for line in lines)
     if not console.encoding.lower().startswith("utf"):
         text = text.translate(str.maketrans(BARS, PLAIN_BARS))
     console.file.write(text)
@@ -152,13 +155,21 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
 
 def _who(row: Mapping[str, Any], *, many: bool = False) -> str:
     who = "-" if row["servo_id"] is None else str(row["servo_id"])
+    if SERVO_NAME in row:
+        who = glued(f"{who} {row[SERVO_NAME]}")
     return f"{row['protocol']} {who}" if many else who
+
+
+def _left(bus: Mapping[str, Any], *columns: str) -> tuple[str, ...]:
+    """Return the columns of words; servos are such where they have names."""
+    named = any(SERVO_NAME in row for key in OF_SERVOS for row in bus[key])
+    return ("servo", *columns) if named else columns
 
 
 def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     clocked = bus["load"] is not None
     columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
-    table = Tabulated("servo", "command", *columns, left=("command",))
+    table = Tabulated("servo", "command", *columns, left=_left(bus, "command"))
     timed = any(c["loop"] for c in bus["commands"])
     for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
@@ -182,7 +193,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     if not asked:
         return None
     table = Tabulated(
-        "servo", "command", "asked", "missing", "share", "95 % sure", left=("command",)
+        "servo", "command", "asked", "missing", "share", "95 % sure", left=_left(bus, "command")
     )
     for column in ("failed", "retries"):
         table.add_column(column)
@@ -209,7 +220,7 @@ def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> T
     if not timed:
         return None
     names = ("min", "p50", "p95", "p99", "max")
-    table = Tabulated("servo", "command", "answers", *names, left=("command",))
+    table = Tabulated("servo", "command", "answers", *names, left=_left(bus, "command"))
     places = ("at s", "at byte") if width >= ROOMY else ("at s",)
     for column in places if any(c["slowest"] for c in timed) else ():
         table.add_column(column)
@@ -226,7 +237,9 @@ def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
     rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"]]
     if not rows:
         return None
-    table = Tabulated("servo", "unit", "values", "p50", "p95", "max", "at s", "at byte")
+    table = Tabulated(
+        "servo", "unit", "values", "p50", "p95", "max", "at s", "at byte", left=_left(bus)
+    )
     for s, e in sorted(rows, key=lambda r: -r[1]["size"]["max"][1]):
         size, worst = e["size"], e["worst"]
         half = [_middle(size[name]) for name in ("p50", "p95")]
@@ -240,7 +253,8 @@ def _lags(bus: Mapping[str, Any]) -> Tabulated | None:
     rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"] if e["lag"]]
     if not rows:
         return None
-    table = Tabulated("servo", "unit", "values", "lag ms", "error (rms)", "without lag")
+    columns = ("servo", "unit", "values", "lag ms", "error (rms)", "without lag")
+    table = Tabulated(*columns, left=_left(bus))
     for s, e in sorted(rows, key=lambda r: -r[1]["lag"]["ns"][1]):
         lag = e["lag"]
         left = number(lag["rms_unshifted"]), number(lag["rms"])
@@ -253,7 +267,7 @@ def _steps(bus: Mapping[str, Any]) -> Tabulated | None:
     if not rows:
         return None
     columns = ("servo", "steps", "settled", "in ms p50", "max", "overshoot p50", "max", "not")
-    table = Tabulated(*columns, left=("not",))
+    table = Tabulated(*columns, left=_left(bus, "not"))
 
     def rank(row: Row) -> tuple[float, ...]:
         settled = row[1]["fates"].get("settled", 0) / row[1]["count"]
@@ -282,7 +296,7 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         "greatest",
         "at s",
         "unit",
-        left=("quantity", "unit"),
+        left=_left(bus, "quantity", "unit"),
     )
     told = ""
     for quantity, s, v in sorted(rows, key=lambda r: (r[0], r[2]["unit"], -r[2]["max"]["value"])):
@@ -297,7 +311,9 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
 def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     if not bus["alarms"]:
         return None
-    table = Tabulated("rule", "servo", "times", "met for s", "of s", "worst", left=("rule",))
+    table = Tabulated(
+        "rule", "servo", "times", "met for s", "of s", "worst", left=_left(bus, "rule")
+    )
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
@@ -312,7 +328,7 @@ def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> Tabulated | No
         return None
     drawn = "over time" if width >= ROOMY else ""
     columns = ("anomaly", "servo", "count", "per s", "first s", "last s", "at byte")
-    table = Tabulated(*columns, left=("anomaly",))
+    table = Tabulated(*columns, left=_left(bus, "anomaly"))
     if drawn:
         table.add_column(drawn, left=True)
     for a in bus["anomalies"]:

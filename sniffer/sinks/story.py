@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
 
+from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.model import NS, Severity, SnifferError
 from sniffer.ground.wording import and_
@@ -37,6 +38,7 @@ def print_incidents(
     clock: bool,
     rest: Rest,
     console: Console | None = None,
+    names: ServoNames | None = None,
 ) -> None:
     """Print incidents: what happened, why, what speaks against the second cause, what to do.
 
@@ -44,9 +46,11 @@ def print_incidents(
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
     """
     console = console or Console(highlight=False)
+    names = names or ServoNames()
+    rest, incidents = rest.named(names), [i.named(names) for i in incidents]
     incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
     if len(incidents) > 1:  # whoever reads the first screen alone knows what stands below it
-        _hang(console, f"{len(incidents)} incidents: ", [Text(_in_short(incidents))])
+        _hang(console, f"{len(incidents)} incidents: ", [Text(_in_short(incidents, names))])
         console.print()
     for nth, incident in enumerate(incidents):
         if nth:
@@ -93,11 +97,11 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
         _hang(console, "   see ", [Text(told)])
 
 
-def _in_short(incidents: Sequence[Incident]) -> str:
+def _in_short(incidents: Sequence[Incident], names: ServoNames) -> str:
     """Return the first cause of each incident, with whose it is and how sure that is."""
     told = []
     for i in incidents:
-        each = [f"servo {servo}" for servo in i.servo_ids]
+        each = [names.servo(i.bus, servo) for servo in i.servo_ids]
         who = f" of {and_(each) if len(each) <= NAMED else f'{len(each)} servos'}" if each else ""
         told.append(f"{i.number} {i.cause}{who} ({i.causes[0].percent} %)")
     return ", ".join(told)
@@ -120,7 +124,10 @@ def _hang(console: Console, label: str, lines: Sequence[Text]) -> None:
 
 
 def print_weighing(
-    incidents: Sequence[Incident], number: str, console: Console | None = None
+    incidents: Sequence[Incident],
+    number: str,
+    console: Console | None = None,
+    names: ServoNames | None = None,
 ) -> None:
     """Print how the causes of one incident were weighed: every finding with what it counts.
 
@@ -132,6 +139,7 @@ def print_weighing(
     if incident is None:
         known = f"1 to {len(incidents)}" if incidents else "none: nothing is wrong"
         raise SnifferError(f"there is no incident {number}: {known}")
+    incident = incident.named(names or ServoNames())
     console.print(Text(incident.story, style="bold"))
     for cause in incident.causes:
         known_cause = CAUSES[cause.cause]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.protocols.base import BusProtocol
 
 WIDE: Final = 120
@@ -113,6 +114,10 @@ class TextSink:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._summary.names = names
 
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what of it is written: instead of a summary of all, that is told at the end."""

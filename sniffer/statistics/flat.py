@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import SERVO_NAME
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -26,6 +28,9 @@ COLUMNS: Final = (
 command, a quantity, a code or a rule. An interval has ``low`` and ``high``, everything else a
 ``value``."""
 
+NAMED_COLUMNS: Final = (*COLUMNS, SERVO_NAME)
+"""The same of a capture whose servos have names."""
+
 _LISTS: Final[Mapping[str, tuple[str, str]]] = {
     "commands": ("command", "op"),
     "anomalies": ("anomaly", "code"),
@@ -38,7 +43,9 @@ _OF_SERVOS: Final[Mapping[str, tuple[str, str]]] = {
     "steps": ("step", ""),
 }
 
-_KEYS: Final = frozenset(("protocol", "servo_id", "op", "code", "rule", "quantity", "unit"))
+_KEYS: Final = frozenset(
+    ("protocol", "servo_id", SERVO_NAME, "op", "code", "rule", "quantity", "unit")
+)
 
 
 def rows(figures: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -80,6 +87,7 @@ def _keyed(fixed: dict[str, Any], about: str, name: str, each: Mapping[str, Any]
         "about": about,
         "protocol": each.get("protocol", fixed["protocol"]),
         "servo_id": "" if servo is None else servo,
+        **({SERVO_NAME: each[SERVO_NAME]} if SERVO_NAME in each else {}),
         "name": each[name] if name else "",
         "unit": each.get("unit", ""),
     }

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.distinct import distinct
@@ -100,6 +101,7 @@ class Statistics:
         self.lanes: dict[str, LaneNumbers] = {}
         self.wires: dict[str, WireBytes] = {}
         self.slices: dict[str, SliceBook] = {}
+        self.names = ServoNames()
         self._alarms = alarms
         self._every_ns = every_ns
 
@@ -110,6 +112,10 @@ class Statistics:
         """Take what a bus is timed by."""
         self.collector.pace(bus, told)
         self._wire(bus).baud = told.baud
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self.names = names
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""

@@ -40,9 +40,17 @@ SHARES: Final[Mapping[str, float]] = {
 """The figures that are told of many numbers, and the share of all that stay below."""
 
 
+OF_SERVOS: Final = ("commands", "servos", "anomalies", "alarms")
+"""What a bus has that is a servo's."""
+
+
 def as_dict(told: Statistics) -> dict[str, Any]:
     """Return all figures, bus by bus."""
-    return {"buses": [_bus(told, bus) for bus in told.wires]}
+    buses = [_bus(told, bus) for bus in told.wires]
+    for bus in buses if told.names else ():
+        for key in OF_SERVOS:
+            bus[key] = [told.names.beside(bus["bus"], row) for row in bus[key]]
+    return {"buses": buses}
 
 
 def _bus(told: Statistics, bus: str) -> dict[str, Any]:

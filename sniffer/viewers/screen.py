@@ -28,6 +28,7 @@ from sniffer.viewers.terminal import TerminalPicture
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
@@ -130,6 +131,12 @@ class Screen:
         if self._board is not None:
             size = sum(len(chunk.data) for chunk in chunks)
             self._put((bus, tuple(chunks)), len(chunks), size, 0)
+
+    def call(self, names: ServoNames) -> None:
+        """Have it show servos by name."""
+        for sink in (self._board, self._log):
+            if sink is not None:
+                sink.call(names)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Hand a batch over."""

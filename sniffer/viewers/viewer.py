@@ -26,10 +26,11 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from sniffer.ground.model import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import rerun as rr
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -206,9 +207,7 @@ class LiveSink:
         OutputError: there is no display, or the viewer does not start.
     """
 
-    def __init__(
-        self, name: str, *, window_s: float = 20.0, names: Mapping[int, str] | None = None
-    ) -> None:
+    def __init__(self, name: str, *, window_s: float = 20.0) -> None:
         need_display("FILE")
         from sniffer.sinks.rerun.sink import RerunSink
 
@@ -216,12 +215,16 @@ class LiveSink:
             stack.enter_context(stoppable())
             self._viewer, address = stack.enter_context(window())
             self._recording = stream(name, address)
-            self._sink = RerunSink(recording=self._recording, window_s=window_s, names=names)
+            self._sink = RerunSink(recording=self._recording, window_s=window_s)
             self._stack = stack.pop_all()
         atexit.register(self._stack.close)
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks; Rerun has no use for them."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._sink.call(names)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Show what one pass decided; nothing once the window has been closed."""
@@ -240,9 +243,9 @@ class LiveSink:
         atexit.unregister(self._stack.close)
 
 
-def live_sink(name: str, names: Mapping[int, str] | None = None) -> LiveSink:
-    """Open a window that shows what is written to the sink; ``names`` are those of the servos."""
-    return LiveSink(name, names=names)
+def live_sink(name: str) -> LiveSink:
+    """Open a window that shows what is written to the sink."""
+    return LiveSink(name)
 
 
 def _comes_up(process: subprocess.Popen[bytes], is_up: Callable[[], bool]) -> bool:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sniffer.sinks.rerun.entities import Shape
 
     Whose = tuple[int, str, Rgb]
-    Who = Callable[[BusProtocol, int], Whose]
+    Who = Callable[[str, BusProtocol, int], Whose]
     Path = Callable[[str, int, str], str]
 
 MARKS: Final[Mapping[str, tuple[Rgb, Shape, float]]] = {
@@ -103,7 +103,7 @@ class Gauges:
             return
         times, errors = self._following[bus, servo][1].measure(*rows)
         if len(times):
-            who, name, colour = self._who(protocol, servo)
+            who, name, colour = self._who(bus, protocol, servo)
             key = bus, servo, FOLLOWING_ERROR
             if key not in self._curves:
                 track = Track(self._entity(*key), bus, who, FOLLOWING_ERROR, unit, who=name)
@@ -185,7 +185,7 @@ class Gauges:
     ) -> None:
         key = bus, servo, quantity
         if key not in self._seconds:
-            who, name, colour = self._line() if servo < 0 else self._who(protocol, servo)
+            who, name, colour = self._line() if servo < 0 else self._who(bus, protocol, servo)
             track = Track(self._entity(*key), bus, who, quantity, unit)
             self._curves[key] = PerSecond(track, name, colour)
             fold = np.maximum if quantity in (PEAK_ERROR, PEAK_TIME) else np.add

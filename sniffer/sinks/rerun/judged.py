@@ -25,8 +25,8 @@ class JudgedRerunSink(RerunSink):
     part what was wrong in it.
     """
 
-    def __init__(self, path: Path, *, names: Mapping[int, str] | None = None) -> None:
-        super().__init__(path, names=names)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self._diagnosis = Diagnosis()
         self._is_narrow = False
 

@@ -33,9 +33,9 @@ class OverlaidSink(RerunSink):
         self._first = self._first or self._run
         super().write(bus, protocol, batch)
 
-    def _who(self, protocol: BusProtocol, servo: int) -> Whose:
+    def _who(self, bus: str, protocol: BusProtocol, servo: int) -> Whose:
         """Return whose a track is in which run, and its colour."""
-        return self._of_run(super()._who(protocol, servo))
+        return self._of_run(super()._who(bus, protocol, servo))
 
     def _line_itself(self) -> Whose:
         """Return the same of a track that is nobody's."""

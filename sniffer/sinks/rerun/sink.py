@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
@@ -38,7 +39,7 @@ from sniffer.sinks.rerun.plots import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     import rerun as rr
@@ -65,7 +66,6 @@ class RerunSink:
         recording: instead, a connected recording. Every batch is sent at once, the layout anew when
             something appears; ``close`` does not disconnect it.
         window_s: how much of the time is shown at once.
-        names: servo id -> name of the servo or the joint.
 
     Raises:
         OutputError: the file cannot be written.
@@ -77,7 +77,6 @@ class RerunSink:
         *,
         recording: rr.RecordingStream | None = None,
         window_s: float = 20.0,
-        names: Mapping[int, str] | None = None,
     ) -> None:
         import rerun as rr
 
@@ -106,7 +105,7 @@ class RerunSink:
         self._stories: dict[str, Log] = {}
         self._marks: dict[tuple[str, int], Log] = {}
         self._colours = Colours()
-        self._names = names or {}
+        self._names = ServoNames()
         self._gauges = Gauges(self._who, self._line_itself, self._entity)
         self._first_error: int | None = None
         self._dated: bool | None = None
@@ -116,6 +115,10 @@ class RerunSink:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks; Rerun has no use for them."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called, in paths and legends."""
+        self._names = names
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what one pass decided; a protocol that shares its wire has entities of its own."""
@@ -129,13 +132,11 @@ class RerunSink:
             if bus not in self._logs:
                 import rerun as rr
 
-                self._logs[bus] = Log(
-                    Track(rr.new_entity_path([bus, "anomalies"]), bus, EVERYONE, "")
-                )
+                path = rr.new_entity_path([bus, "anomalies"])
+                self._logs[bus] = Log(Track(path, bus, EVERYONE, ""))
             shown = batch.shows("anomalies", len(batch.anomalies)).tolist()
-            self._logs[bus].add(
-                [a for a, is_so in zip(batch.anomalies, shown, strict=True) if is_so]
-            )
+            found = itertools.compress(batch.anomalies, shown)
+            self._logs[bus].add([self._names.on(bus, anomaly) for anomaly in found])
         self._send(1 if self._live else ROWS)
         if self._live:
             self._style()
@@ -147,6 +148,7 @@ class RerunSink:
 
         if self._dated is None:  # whoever decodes live may be behind what is told of incidents
             self._dated = line.t_ns >= DATED_NS
+        line = line._replace(text=self._names.sentence(bus, line.text))
         path = rr.new_entity_path([bus, INCIDENTS])
         if bus not in self._stories:
             self._stories[bus] = Log(Track(path, bus, EVERYONE, ""))
@@ -257,7 +259,7 @@ class RerunSink:
         """Return the line of a register, or of the response times (-1)."""
         line = self._lines.get((bus, servo, number))
         if line is None:
-            who, name, colour = self._who(protocol, servo)
+            who, name, colour = self._who(bus, protocol, servo)
             if number < 0:
                 path = self._entity(bus, servo, RESPONSE_TIME)
                 track = Track(path, bus, who, RESPONSE_TIME, "ms", who=name)
@@ -278,7 +280,7 @@ class RerunSink:
         """Return the lane of an enumerated register, or of the alarms (-1)."""
         lane = self._lanes.get((bus, servo, number))
         if lane is None:
-            who, _, colour = self._who(protocol, servo)
+            who, _, colour = self._who(bus, protocol, servo)
             name: Callable[[int], str]
             if number < 0:
                 track = Track(self._entity(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
@@ -291,14 +293,12 @@ class RerunSink:
             lane = self._lanes[bus, servo, number] = Strip(track, name, colour)
         return lane
 
-    def _who(self, protocol: BusProtocol, servo: int) -> Whose:
+    def _who(self, bus: str, protocol: BusProtocol, servo: int) -> Whose:
         """Return whose a track is, what legends call it, and its colour."""
         # The id 0 of some protocols is both: a servo's own, and heard by all.
         if servo in protocol.everyone and servo:
             return EVERYONE, "all servos", WHITE
-        own = self._names.get(servo)
-        name = f"servo {servo}" if own is None else f"{own} ({servo})"
-        return servo, name, self._colours.of(servo)
+        return servo, self._names.legend(bus, servo), self._colours.of(servo)
 
     def _line_itself(self) -> Whose:
         """Return the same of a track that is nobody's: how much is said on the line."""
@@ -306,7 +306,7 @@ class RerunSink:
 
     def _entity(self, bus: str, servo: int, name: str) -> str:
         """Return the path of an entity of a servo, or of all."""
-        return entity_path(bus, servo, name, self._names.get(servo))
+        return entity_path(bus, servo, name, self._names.of(bus, servo))
 
     def _entities(self) -> Iterator[Entity]:
         for entities in (self._lines, self._lanes, self._logs, self._stories, self._marks):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,6 +17,7 @@ from sniffer.viewers.board.state import QUANTITIES, RECENT_NS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.durations import Bounds
     from sniffer.ground.registers import Register
     from sniffer.viewers.board.state import BusTally
@@ -71,6 +72,23 @@ ALARMS: Final = 8
 
 WIDE: Final = 120
 """From this width on the columns are wide."""
+
+
+NAMES: Final = (14, 24)
+"""What ids with names may take on a narrow and on a wide terminal: a servo's page has it whole."""
+
+
+def id_column(names: ServoNames) -> Column:
+    """Return the column of ids, with room for names where there are any."""
+    first = COLUMNS[0]
+    longest = max(map(cell_len, names.known), default=0)
+    if not longest:
+        return first
+    needed = first.widths[0] + 1 + longest
+    title = f"{'id':>{first.widths[0]}} servo"
+    return replace(
+        first, titles=(title, title), widths=(min(needed, NAMES[0]), min(needed, NAMES[1]))
+    )
 
 
 def fitted(text: str, width: int, *, right: bool = False) -> str:

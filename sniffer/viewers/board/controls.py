@@ -108,7 +108,7 @@ class Controls:
                 self.asking = ""
             case "enter":
                 try:
-                    board.watch(selection_in(text))
+                    board.watch(selection_in(text, board.names))
                     self.asking, self.held = None, False  # it is about what comes
                 except InputError as error:
                     self.complaint = one_line(complaint(error))

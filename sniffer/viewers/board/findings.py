@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.cells import cell_len
 
+from sniffer.decoding.called import ServoNames
 from sniffer.ground.model import MS, NS
 from sniffer.ground.wording import plain
 from sniffer.viewers.board.cells import WIDE, Cell, fitted
@@ -41,13 +42,19 @@ class _Words(NamedTuple):
 
 
 class FindingLines:
-    """Writes them in a width; ``name`` is how wide the name of a bus is, 0 where there is one."""
+    """Writes them in a width; ``name`` is how wide the name of a bus is, 0 where there is one.
 
-    def __init__(self, now_ns: int, width: int, name: int = 0) -> None:
+    ``names`` are what servos are called.
+    """
+
+    def __init__(
+        self, now_ns: int, width: int, name: int = 0, names: ServoNames | None = None
+    ) -> None:
         self._now_ns = now_ns
         self._width = width
         self._wide = width >= WIDE
         self._name = name
+        self._names = names or ServoNames()
 
     def incident(self, one: Tracked) -> Line:
         """Say what is wrong, why and how often: dim once it is over."""
@@ -107,4 +114,5 @@ class FindingLines:
         if self._wide:
             out.append((fitted(told.code, 20) + "  ", named or level))
         out.append((f"{told.times:>6}  ", style))
-        return [*out, (fitted(plain(told.text), self._width - length(out)).rstrip(), text)]
+        text_told = self._names.sentence(told.bus, told.text)
+        return [*out, (fitted(plain(text_told), self._width - length(out)).rstrip(), text)]

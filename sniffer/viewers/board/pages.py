@@ -58,11 +58,12 @@ def _servo(
 ) -> list[Line]:
     """Return the page of one servo: its row, every register heard, and what was wrong with it."""
     bus, servo = who
+    called = plain(board.names.servo(bus, servo))
     rows = board.rows(bus, status)
     row = None if rows is None else next((r for r in rows.order if rows.id(r) == servo), None)
     if rows is None or row is None:
-        return [[(f"servo {servo} was not heard on {plain(bus)}", "doubt")]]
-    head = _head(f"servo {servo} of {plain(bus)}", rows, row, width)
+        return [[(f"{called} was not heard on {plain(bus)}", "doubt")]]
+    head = _head(f"{called} of {plain(bus)}", rows, row, width)
     found = _found(board, status, width, who)
     room = height - len(head) - 2 - min(len(found), FOUND_MOST)
     heard = _registers(board.buses[bus], row, status.now_ns, width, room)
@@ -129,7 +130,7 @@ def _found(board: Remembered, status: Status, width: int, who: tuple[str, int]) 
         if one.incident.bus == bus and servo in one.incident.servo_ids
     ]
     troubles = [e for e in board.troubles if e.bus == bus and e.last.servo_id == servo]
-    lines = FindingLines(status.now_ns, width)
+    lines = FindingLines(status.now_ns, width, names=board.names)
     told = [lines.incident(one) for one in incidents]
     return [*told, *lines.anomalies(troubles, incidents, len(troubles))]
 

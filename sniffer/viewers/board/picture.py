@@ -17,6 +17,7 @@ from sniffer.viewers.board.cells import (
     Cell,
     clock,
     fitted,
+    id_column,
     size,
 )
 from sniffer.viewers.board.findings import FindingLines, Line, length
@@ -24,6 +25,7 @@ from sniffer.viewers.board.findings import FindingLines, Line, length
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.diagnosis.tracking import Tracked
     from sniffer.tap.status import BusStatus, Status
     from sniffer.viewers.board.cells import Column
@@ -75,7 +77,7 @@ class Picture:
         self._height = height
         self._hint = hint
         self._wide = width >= WIDE
-        self._columns = columns(width)
+        self._columns = columns(width, board.names)
         self._rows = [board.rows(bus.bus, status) for bus in status.buses]
         end_ns = board.end_ns(status)
         self._loads = [board.load(bus, end_ns) for bus in status.buses]
@@ -105,7 +107,10 @@ class Picture:
         blank: list[Line] = [[]] if left >= SPARE else []
         room = left - 2 * len(blank)
         lines = FindingLines(
-            self._status.now_ns, self._width, self._name if len(self._names) > 1 else 0
+            self._status.now_ns,
+            self._width,
+            self._name if len(self._names) > 1 else 0,
+            self._board.names,
         )
         told = [lines.incident(one) for one in self._incidents[: max(room, 0)]]
         told += lines.anomalies(self._troubles, self._incidents, room - len(told))
@@ -192,7 +197,10 @@ class Picture:
         return out
 
     def _marked(self, cells: list[Cell], who: tuple[str, int]) -> list[Cell]:
-        """Return the cells of a servo; the id of the chosen one is lit up."""
+        """Return the cells of a servo with its name; the id of the chosen one is lit up."""
+        if (name := self._board.names.of(*who)) is not None:
+            text = f"{cells[0][0]:>{COLUMNS[0].widths[0]}} {plain(name)}"
+            cells = [(text, cells[0][1]), *cells[1:]]
         if self._controls is None or self._controls.cursor != who:
             return cells
         return [(cells[0][0], "cursor"), *cells[1:]]
@@ -200,7 +208,11 @@ class Picture:
     def _line(self, cells: list[Cell]) -> Line:
         out: Line = []
         for (text, style), column in zip(cells, self._columns, strict=False):
-            out += [(fitted(text, self._width_of(column), right=True), style), (" ", "")]
+            width = self._width_of(column)
+            if column.key == "id" and width > COLUMNS[0].widths[0]:  # names are words
+                out += [(fitted(f"{text:>{COLUMNS[0].widths[0]}}", width), style), (" ", "")]
+            else:
+                out += [(fitted(text, width, right=True), style), (" ", "")]
         text, style = cells[-1]
         room = self._width - sum(self._width_of(c) + 1 for c in self._columns)
         return [*out, (fitted(text, room).rstrip(), style)] if room > 0 else out
@@ -213,7 +225,8 @@ class Picture:
         out: Line = []
         for c in self._columns:
             is_mark = c.key == by and by != "id"
-            title = fitted(c.titles[self._wide], self._width_of(c), right=True)
+            is_named = c.key == "id" and self._width_of(c) > COLUMNS[0].widths[0]
+            title = fitted(c.titles[self._wide], self._width_of(c), right=not is_named)
             out += [(title, "sorted" if is_mark else "title"), (" ", "title")]
         return [*out, (fitted("alarms", max(self._width - length(out), 0)), "title")]
 
@@ -349,10 +362,10 @@ def shown(incidents: Sequence[Tracked]) -> list[Tracked]:
     return [*reversed(still), *list(reversed(over))[:OVER_SHOWN]]
 
 
-def columns(width: int) -> list[Column]:
+def columns(width: int, names: ServoNames) -> list[Column]:
     """Return the columns that a terminal of that width has room for."""
     wide = width >= WIDE
-    kept = [c for c in COLUMNS if c.widths[wide]]
+    kept = [id_column(names), *(c for c in COLUMNS[1:] if c.widths[wide])]
     for rank in range(1, max(c.drop for c in COLUMNS) + 1):
         if sum(c.widths[wide] + 1 for c in kept) + ALARMS <= width:
             break

@@ -6,6 +6,7 @@ import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, Self
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import NS
 from sniffer.viewers.board.cells import ServoCells
@@ -40,11 +41,17 @@ class Remembered:
         """The filter, and what it has shown."""
         self.incidents: tuple[Tracked, ...] = ()
         """Incidents as they were judged last; whoever judges them sets this."""
+        self.names = ServoNames()
+        """What servos are called."""
         self.left_out = 0
         self.newest_ns = 0
         self._bytes: dict[str, Sliding] = {}
         self._lanes: dict[str, dict[str, str]] = {}  # bus -> the names and protocols that share it
         self._wires: dict[str, str] = {}
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self.names = names
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Count bytes for the load of the bus."""
@@ -77,7 +84,7 @@ class Remembered:
 
     def still(self) -> Self:
         """Return all that is remembered now; what comes does not change it."""
-        shared = [self.incidents, *(t.protocol for t in self.buses.values())]
+        shared = [self.incidents, self.names, *(t.protocol for t in self.buses.values())]
         if self.watched is not None:
             shared.append(self.watched.selection)
         return copy.deepcopy(self, {id(one): one for one in shared})

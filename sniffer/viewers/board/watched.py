@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import meant
 from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.limits import IDS, number_in
@@ -26,8 +27,10 @@ WORDS: Final = {"servo": "servos", "op": "ops", "kind": "kinds", "code": "codes"
 _WORD: Final = re.compile(r"([a-z]+)=([^\s'()=]+)")
 
 
-def selection_in(text: str) -> Selection | None:
+def selection_in(text: str, names: ServoNames | None = None) -> Selection | None:
     """Read a filter line: words (``servo=3,5 code=no-response``) or an expression; None: empty.
+
+    Servos may be told by their ``names``.
 
     Raises:
         InputError: it is neither.
@@ -39,16 +42,18 @@ def selection_in(text: str) -> Selection | None:
     for word in words:
         if word is None or word[1] not in WORDS:
             return Selection.parse(text)
-        names = [name for name in word[2].split(",") if name]
-        told.setdefault(WORDS[word[1]], []).extend(map(_id, names) if word[1] == "servo" else names)
-    return Selection.of(**told)
+        said = [name for name in word[2].split(",") if name]
+        who = [_who(name, names or ServoNames()) for name in said] if word[1] == "servo" else said
+        told.setdefault(WORDS[word[1]], []).extend(who)
+    return Selection.of(**told, names=names or ServoNames())
 
 
-def _id(name: str) -> int:
+def _who(name: str, names: ServoNames) -> int | str:
+    """Return an id, or a name where servos have names."""
     servo = number_in(name, 0, IDS - 1)
-    if servo is None:
+    if servo is None and not names:
         raise InputError(f"servo {name[:20]!r} is no id: write servo=3,5")
-    return servo
+    return name if servo is None else servo
 
 
 class Watched:

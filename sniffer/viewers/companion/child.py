@@ -125,7 +125,6 @@ class Watcher:
         self._sink = RerunSink(
             recording=self._recording,
             window_s=self._setup.window_s,
-            names=self._setup.options.names,
         )
         self._pipeline = Pipeline(self._setup.options, [self._sink], live=True)
 

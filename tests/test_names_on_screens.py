@@ -1,0 +1,158 @@
+"""Names of servos on screens: what ``sniffer open`` shows, its filter; the live board."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+
+from sniffer.decoding.called import ServoNames
+from sniffer.ground.model import InputError
+from sniffer.inside.detail import detail_of
+from sniffer.inside.figures import figures_of
+from sniffer.inside.filters import completed, completions, filter_of
+from sniffer.inside.moment import moment_of
+from sniffer.inside.panes import figures_text
+from sniffer.inside.view import LineView
+from sniffer.inside.words import line_words
+from tests.test_board_keys import Watching
+from tests.test_names import two_buses
+from tests.test_open import indexed, judged
+from tests.wires import wire
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.inside.index import CaptureIndex
+
+LONG: Final = "left_shoulder_pitch_"
+
+
+@pytest.fixture(scope="module")
+def index(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CaptureIndex]:
+    told = ("--name", f"arm:1={LONG}", "--name", "2=wrist", "--name", "leg:2=ankle")
+    one = indexed(two_buses(tmp_path_factory.mktemp("names"), *told))
+    yield one
+    one.discard()
+
+
+def lines_of(index: CaptureIndex, bus: str, servo: int) -> list[int]:
+    mine = (index.lines["bus"] == index.buses.index(bus)) & (index.lines["servo"] == servo)
+    found: list[int] = np.flatnonzero(mine).tolist()
+    return found
+
+
+def test_lines_and_fields_have_the_names_of_their_bus(index: CaptureIndex) -> None:
+    for bus, servo, who in (("arm", 1, f"1 {LONG}"), ("leg", 1, "1"), ("leg", 2, "2 ankle")):
+        number = lines_of(index, bus, servo)[0]
+        assert line_words(index, number).servo == who
+        assert detail_of(index, number).fields[0].text.endswith(f", servo {who}")
+
+
+def test_what_was_found_in_a_line_names_the_servo(index: CaptureIndex) -> None:
+    told = []
+    for row in range(len(index.found)):
+        line = int(index.found["line"][row])
+        if index.buses[int(index.lines["bus"][line])] == "arm" and index.found["servo"][row] == 1:
+            told += [field.text for field in detail_of(index, line).fields if field.severity]
+    assert any(f"servo 1 {LONG} did not answer" in text for text in told)
+
+
+def test_servos_of_a_moment_and_figures_are_told_by_name(index: CaptureIndex) -> None:
+    for line in (lines_of(index, "arm", 1)[-1], lines_of(index, "leg", 1)[-1]):
+        there = {(row.bus, row.servo): row.who for row in moment_of(index, line)}
+        assert there["arm", 1] == f"1 {LONG}"
+        assert there["leg", 1] == "1"
+    text = figures_text(figures_of(index, np.arange(len(index.lines)))).plain
+    assert f"arm  1 {LONG}  " in text
+    assert "leg  2 ankle" in text
+    titles, *rows = text.splitlines()[1:8]
+    assert {row.index("  ", row.index(" ", 5) + 2) >= 0 for row in rows} == {True}
+    assert titles.index("asked") == rows[0].index(LONG) + len(LONG) + 2
+
+
+@pytest.mark.parametrize(
+    ("text", "who"),
+    [
+        (f"servo={LONG}", {("arm", 1)}),
+        ("servo=wrist,ankle", {("arm", 2), ("leg", 2)}),
+        ("servo=ankle,3", {("leg", 2), ("arm", 3), ("leg", 3)}),
+    ],
+)
+def test_lines_are_filtered_by_the_names_of_servos(
+    text: str, who: set[tuple[str, int]], index: CaptureIndex
+) -> None:
+    view = LineView(index)
+    view.choose(filter_of(text, index.names), exchanges=False)
+    lines = index.lines[judged(view).shown()]
+    pairs = zip(lines["bus"].tolist(), lines["servo"].tolist(), strict=True)
+    assert {(index.buses[bus], servo) for bus, servo in pairs} == who
+    assert len(lines) == sum(len(lines_of(index, *one)) for one in who)
+
+
+def test_a_filter_by_a_name_that_nobody_has_tells_the_nearest(index: CaptureIndex) -> None:
+    with pytest.raises(InputError, match="no servo is called 'anckle': did you mean ankle"):
+        filter_of("servo=anckle", index.names)
+
+
+def test_names_complete_a_filter(index: CaptureIndex) -> None:
+    assert completed("servo=an", completions(index)) == "servo=ankle"
+
+
+def test_the_servos_of_a_moment_are_those_of_all_buses_that_were_heard_by_then(
+    index: CaptureIndex,
+) -> None:
+    quarter = len(index.lines) // 4
+    line = quarter + int(np.flatnonzero(index.lines["bus"][quarter:] == 0)[0])
+    ages = {row.bus: row.age_s for row in moment_of(index, line) if row.servo in (1, 2, 3)}
+    assert set(ages) == {"arm", "leg"}
+    assert max(ages.values()) < 0.5, "what was told last is not that of a page before"
+
+
+@pytest.fixture
+def watching() -> Watching:
+    one = Watching(wire("arm", "mightyzap", 4), wire("leg", "mightyzap", 4))
+    one.board.call(ServoNames({("arm", 2): LONG, 3: "knee joint", ("leg", 3): "toe"}))
+    return one
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_the_board_has_names_beside_ids_and_columns_stay_aligned(
+    width: int, watching: Watching
+) -> None:
+    lines = watching.lines(width)
+    assert max(map(cell_len, lines)) <= width
+    titles = next(line for line in lines if line.startswith(" id servo"))
+    rows = [line for line in lines if line[:3].strip().isdigit() and " mm" in line]
+    assert len(rows) == 8
+    end = titles.index("position") + len("position")
+    assert {row[end - 2 : end] for row in rows} == {"mm"}
+    named = LONG if width == 140 else f"{LONG[:9]}…"
+    assert sum(row.startswith(f"  2 {named}") for row in rows) == 1
+    assert [row[:14].rstrip() for row in rows if row.startswith("  3")] == [
+        "  3 knee joint",
+        "  3 toe",
+    ]
+
+
+def test_the_page_of_a_servo_and_what_is_wrong_with_it_have_its_name(watching: Watching) -> None:
+    watching.lines()
+    page = watching.press("down", "down", "enter")
+    assert page[0].startswith(f"servo 2 {LONG} of arm")
+
+
+def test_the_board_is_filtered_by_names(watching: Watching) -> None:
+    watching.type(f"servo={LONG},toe")
+    watching.hear()
+    lines = watching.lines()
+    assert "only ((bus = 'arm' AND servo_id = 2) OR (bus = 'leg' AND servo_id = 3))" in "\n".join(
+        lines
+    )
+    assert watching.controls.rows == [("arm", 2), ("leg", 3)]
+
+
+def test_a_name_on_the_board_that_nobody_has_can_be_mended(watching: Watching) -> None:
+    lines = watching.type("servo=tow")
+    assert any("no servo is called 'tow': did you mean toe?" in line for line in lines)

@@ -1,0 +1,202 @@
+"""Names of servos where people read: figures, causes, reports; and selections by name."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import TYPE_CHECKING
+
+import jsonschema
+import pytest
+
+from tests.commands import sniffer
+from tests.test_names import CLEAN, DAMAGED, two_buses
+from tests.test_stats import SCHEMA
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LONG = "left_shoulder_pitch_"
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of two buses; servo 1 of arm and servo 2 of both have names."""
+    told = ("--name", f"arm:1={LONG}", "--name", "2=wrist", "--name", "leg:2=ankle")
+    return two_buses(tmp_path_factory.mktemp("names"), *told)
+
+
+def of_bus(text: str, bus: str) -> str:
+    """Return what is printed of a bus."""
+    buses = {"arm": "", "leg": ""}
+    now = ""
+    for line in text.splitlines(keepends=True):
+        now = next((name for name in buses if line.startswith(f"{name}: ")), now)
+        if now:
+            buses[now] += line
+    return buses[bus]
+
+
+@pytest.mark.parametrize("command", [("stats",), ("decode", "--summary")])
+def test_tables_have_the_names_that_a_recording_has_each_bus_its_own(
+    command: tuple[str, ...], both: Path
+) -> None:
+    shown = sniffer(*command, both).out
+    assert f"  1 {LONG}  " in of_bus(shown, "arm")
+    assert "  2 wrist  " in of_bus(shown, "arm")
+    assert "  2 ankle  " in of_bus(shown, "leg")
+    assert LONG not in of_bus(shown, "leg")
+    assert "wrist" not in of_bus(shown, "leg")
+
+
+def test_a_name_told_now_stands_in_place_of_the_one_that_was_recorded(both: Path) -> None:
+    shown = sniffer("stats", both, "--name", "2=hand").out
+    assert "2 hand" in of_bus(shown, "arm")
+    assert "2 hand" in of_bus(shown, "leg")
+
+
+@pytest.mark.parametrize("columns", ["80", "140"])
+def test_no_name_is_cut_in_a_narrow_terminal(columns: str, both: Path) -> None:
+    for command in (("stats",), ("decode", "--summary"), ("diagnose",)):
+        shown = sniffer(*command, both, env={"COLUMNS": columns}).out
+        assert "…" not in shown
+        assert max(map(len, shown.splitlines())) <= int(columns)
+
+
+def test_figures_for_programs_have_a_name_beside_the_id_where_there_is_one(both: Path) -> None:
+    figures = json.loads(sniffer("stats", both, "--format", "json").out)
+    jsonschema.validate(figures, SCHEMA)
+    for bus in figures["buses"]:
+        known = {"arm": {1: LONG, 2: "wrist"}, "leg": {2: "ankle"}}[bus["bus"]]
+        for key in ("commands", "servos", "anomalies"):
+            for row in bus[key]:
+                assert row.get("servo_name") == known.get(row["servo_id"])
+                assert row["servo_id"] != 3 or "servo_name" not in row
+    told = list(csv.DictReader(io.StringIO(sniffer("stats", both, "--format", "csv").out)))
+    assert {(r["bus"], r["servo_id"], r["servo_name"]) for r in told if r["servo_name"]} == {
+        ("arm", "1", LONG),
+        ("arm", "2", "wrist"),
+        ("leg", "2", "ankle"),
+    }
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "text"])
+def test_without_names_figures_are_what_they_were(form: str) -> None:
+    shown = sniffer("stats", CLEAN, "--format", form).out
+    assert "servo_name" not in shown
+
+
+def test_causes_and_what_was_found_name_the_servos(both: Path) -> None:
+    shown = " ".join(sniffer("diagnose", both).out.split())
+    assert f"brownout of servo 1 {LONG} (99 %)" in shown
+    assert f"the supply breaks down (servo 1 {LONG})" in shown
+    assert f"supply of servo 1 {LONG} sags to 6.9 V" in shown
+    assert "duplicate-id of servo 2 wrist" in shown
+    assert "servo 1 sags" not in shown
+
+
+def test_what_programs_read_of_a_diagnosis_does_not_depend_on_names(both: Path) -> None:
+    told = json.loads(sniffer("diagnose", both, "--format", "json").out)
+    assert LONG not in json.dumps(told)
+    assert any("servo 1" in incident["story"] for incident in told["incidents"])
+
+
+def test_how_causes_were_weighed_names_the_servos() -> None:
+    shown = sniffer("diagnose", DAMAGED, "--name", "1=elbow", "--why", "1").out
+    assert "servo 1 elbow" in shown.splitlines()[0]
+
+
+def test_what_no_cause_explains_is_told_with_names_of_its_bus(tmp_path: Path) -> None:
+    from sniffer.decoding.called import ServoNames
+    from sniffer.diagnosis.rest import Rest
+
+    parts = ("arm", "2 x a (servo 1) on arm"), ("leg", "3 x b (servos 1, 2)")
+    rest = Rest(", ".join(words for _, words in parts), parts=parts)
+    names = ServoNames({("arm", 1): "elbow", ("leg", 2): "knee"})
+    assert rest.named(names).told == "2 x a (servo 1 elbow) on arm, 3 x b (servos 1, 2 knee)"
+    assert rest.named(ServoNames()) is rest
+
+
+@pytest.mark.parametrize("suffix", [".html", ".md"])
+def test_reports_name_the_servos_of_each_bus(suffix: str, both: Path, tmp_path: Path) -> None:
+    page = tmp_path / f"run{suffix}"
+    assert sniffer("report", both, "-q", "-o", page).status == 0
+    text = page.read_text(encoding="utf-8").replace("\\_", "_")
+    assert f"(servo 1 {LONG})" in text
+    assert f"arm servo 1 {LONG}" in text
+    assert "leg servo 2 ankle" in text
+    assert f"load_data, servo 1 {LONG}" in text
+    assert f"leg servo 1 {LONG}" not in text
+
+
+def test_a_place_that_is_explained_names_the_servo(both: Path) -> None:
+    drawn = sniffer("explain", f"{both}@no-response").out
+    assert f"servo 1 {LONG} did not answer" in drawn
+    assert f"request: load_data, servo 1 {LONG}" in drawn
+
+
+@pytest.mark.parametrize(
+    ("who", "where"),
+    [
+        ("wrist", "servo_id = 2 AND bus NOT IN ('leg')"),
+        ("ankle", "bus = 'leg' AND servo_id = 2"),
+        (f"{LONG},3", "((servo_id = 3) OR (bus = 'arm' AND servo_id = 1))"),
+        ("3,1-2", "servo_id IN (3, 1, 2)"),
+    ],
+)
+def test_a_servo_is_selected_by_its_name(who: str, where: str, both: Path) -> None:
+    by_name = sniffer("decode", both, "--servo", who)
+    assert by_name.status == 0
+    assert f"selection, {where}: " in by_name.out
+    lines = sniffer("decode", both, "--where", where).out
+    assert by_name.out == lines
+
+
+def test_every_command_that_selects_takes_a_name(both: Path, tmp_path: Path) -> None:
+    for command in (
+        ("decode", "--format", "jsonl"),
+        ("stats",),
+        ("replay", "--speed", "0"),
+        ("discover",),
+        ("convert", tmp_path / "x.csv"),
+        ("view", "-o", tmp_path / "x.rrd"),
+        ("query", "--format", "csv"),
+    ):
+        name, *rest = command
+        what = ["SELECT DISTINCT bus, servo_id FROM frames"] if name == "query" else []
+        files = [*what, both, *rest] if name != "convert" else [both, *rest]
+        done = sniffer(name, *files, "--servo", "ankle")
+        assert done.status == 0, (name, done.err)
+        if name == "query":
+            assert done.out == "bus,servo_id\nleg,2\n"
+        if name == "decode":
+            lines = [json.loads(line) for line in done.out.splitlines()]
+            who = {(x["bus"], x["servo_id"]) for x in lines if x["type"] == "frame"}
+            assert who == {("leg", 2)}
+
+
+@pytest.mark.parametrize(
+    ("who", "told"),
+    [
+        ("ancle", "no servo is called 'ancle': did you mean ankle?"),
+        ("foo", f"no servo is called 'foo': one of {LONG}, wrist, ankle"),
+    ],
+)
+def test_a_name_that_nobody_has_is_answered_with_the_nearest(
+    who: str, told: str, both: Path
+) -> None:
+    done = sniffer("stats", both, "--servo", who)
+    assert done.status == 2
+    assert done.complaint == f"--servo: {told}"
+
+
+def test_a_name_where_no_servo_has_one_is_no_id(tmp_path: Path) -> None:
+    done = sniffer("stats", CLEAN, "--servo", "knee")
+    assert done.status == 2
+    assert "'knee' is no servo id: write ids as 3,5 or 3-6 (no names are known)" in done.err
+
+
+def test_two_runs_are_compared_for_a_servo_by_its_name(tmp_path: Path) -> None:
+    done = sniffer("diff", CLEAN, CLEAN, "--name", "2=wrist", "--servo", "wrist")
+    assert done.status == 0, done.err
