@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import jsonschema
 import pytest
 
+from sniffer.ground.registers import schema_path
 from tests.commands import sniffer
 from tests.test_names import CLEAN, DAMAGED, two_buses
+from tests.test_rerun import read
 from tests.test_stats import SCHEMA
 
 if TYPE_CHECKING:
@@ -195,6 +197,62 @@ def test_a_name_where_no_servo_has_one_is_no_id(tmp_path: Path) -> None:
     done = sniffer("stats", CLEAN, "--servo", "knee")
     assert done.status == 2
     assert "'knee' is no servo id: write ids as 3,5 or 3-6 (no names are known)" in done.err
+
+
+def test_queries_have_a_column_of_names_where_a_capture_has_some(both: Path) -> None:
+    asked = "SELECT DISTINCT bus, servo_id, servo_name FROM {} WHERE servo_id < 3 ORDER BY ALL"
+    for table in ("frames", "transactions", "samples", "anomalies"):
+        told = sniffer("query", asked.format(table), both, "--format", "csv").out.splitlines()
+        rows = set(told[1:])
+        assert {f"arm,1,{LONG}", "arm,2,wrist"} <= rows
+        assert table == "anomalies" or {"leg,1,", "leg,2,ankle"} <= rows
+    plain = sniffer("query", "DESCRIBE frames", CLEAN, "--format", "csv").out
+    assert "servo_name" not in plain
+
+
+def test_a_query_over_a_capture_with_names_and_one_without_has_the_column(both: Path) -> None:
+    asked = "SELECT file, count(*) AS n FROM frames WHERE servo_name IS NOT NULL GROUP BY ALL"
+    for files in ((both, CLEAN), (CLEAN, both)):
+        told = sniffer("query", asked, *files, "--format", "csv").out.splitlines()
+        assert len(told) == 2
+        assert both.name in told[1]
+
+
+def test_verdicts_on_rules_name_the_servo_that_decided(both: Path, tmp_path: Path) -> None:
+    rules = tmp_path / "rules.toml"
+    value = '[[rule]]\nwhat = "value"\nquantity = "voltage"\nabove = 11\n'
+    rules.write_text(
+        f'{value}\n[[rule]]\nwhat = "incidents"\n{value}servos = [2, 9]\nbus = "leg"\n'
+    )
+    told = sniffer("check", both, "--rules", rules).out
+    assert f"voltage of arm servo 1 {LONG} is 6.9 V" in told
+    assert f"(servo 1 {LONG})" in told
+    assert "voltage of leg servo 2 ankle" in told
+    assert "heard of servo 9" in told
+
+
+def test_differences_of_two_runs_name_the_servos(tmp_path: Path) -> None:
+    without = tmp_path / "without.log"
+    assert sniffer("convert", CLEAN, without, "-q", "--where", "servo_id <> 3").status == 0
+    asked = ("diff", CLEAN, without, "--name", "3=elbow")
+    told = sniffer(*asked)
+    assert told.status == 1
+    assert "bus0 servo 3 elbow: it is asked in A only" in told.out
+    found = json.loads(sniffer(*asked, "--format", "json").out)
+    schema = json.loads(schema_path("diff.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(found, schema)
+    for one in found["differences"]:
+        assert one.get("servo_name") == ("elbow" if one["servo_id"] == 3 else None)
+
+
+def test_each_run_of_a_picture_of_two_has_its_own_names(tmp_path: Path) -> None:
+    arm = tmp_path / "arm.mcap"
+    assert sniffer("decode", DAMAGED, "-q", "--name", "1=elbow", "-o", arm).status == 0
+    plots = tmp_path / "x.rrd"
+    assert sniffer("diff", arm, CLEAN, "-q", "-o", plots).status == 1
+    static = read(plots)[1]
+    names = {name for told in static.values() for name in told.get("SeriesLines:names", ())}
+    assert {"elbow (1) A", "servo 1 B"} <= names
 
 
 def test_two_runs_are_compared_for_a_servo_by_its_name(tmp_path: Path) -> None:

@@ -91,9 +91,9 @@ def _print(done: Discovered) -> None:
             ordered = sorted(runs(mine), key=lambda run: run[0].is_constant)  # what moves first
             alike.setdefault((head, *map(_line, ordered)), []).append(servo)
         for (head, *lines), servos in alike.items():
-            who = and_([str(servo) for servo in servos])
+            who = and_([done.summary.names.label(bus, servo) for servo in servos])
             several = "s" if len(servos) > 1 else ""
-            click.echo(f"{bus}: bytes of servo{several} {who} {head}")
+            click.echo(plain(f"{bus}: bytes of servo{several} {who} {head}"))
             for line in lines:
                 click.echo(plain(line))
 

@@ -66,10 +66,15 @@ class ServoNames:
         """All names, each once."""
         return list(dict.fromkeys(self._told.values()))
 
+    def on_bus(self, bus: str) -> dict[int, str]:
+        """Return the names of a bus by id."""
+        ids = sorted({who if isinstance(who, int) else who[1] for who in self._told})
+        named = ((servo, self.of(bus, servo)) for servo in ids)
+        return {servo: name for servo, name in named if name is not None}
+
     def ids(self, bus: str, name: str) -> list[int]:
         """Return the ids of the servos of a bus that are called so."""
-        told = {who if isinstance(who, int) else who[1] for who in self._told}
-        return sorted(servo for servo in told if self.of(bus, servo) == name)
+        return [servo for servo, known in self.on_bus(bus).items() if known == name]
 
     def label(self, bus: str, servo: int) -> str:
         """Return a servo's id with its name, for a cell of a table: ``3 left_knee``."""

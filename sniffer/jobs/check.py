@@ -76,5 +76,6 @@ def check(
         found = hear(
             opened, options, name=name_of(source), tell=tell, patience=patience, window=window
         )
-    heard = Subject(found.summary, found.collector, found.diagnosis.incidents())
+    incidents = [i.named(found.summary.names) for i in found.diagnosis.incidents()]
+    heard = Subject(found.summary, found.collector, incidents)
     return Checked(tuple(judge(asked, heard)), found.ending, found.damage)

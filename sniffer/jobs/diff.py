@@ -6,6 +6,7 @@ import contextlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import Named, ServoNames, overlaid
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import InputError, OutputError
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.session import Patience
     from sniffer.selection.places import CapturePlace, Window
     from sniffer.selection.selection import Selection
+    from sniffer.sinks.rerun.overlay import OverlaidSink
     from sniffer.sources import Source
 
 A_B: Final = ("A", "B")
@@ -56,6 +58,8 @@ class Compared:
     gone: tuple[Path, ...] = ()
     parts: tuple[str, ...] = ()
     """Which part of each run was compared, where these are two."""
+    names: ServoNames = field(default_factory=ServoNames)
+    """What servos are called, by the buses of the first run."""
 
     @property
     def equal(self) -> bool:
@@ -83,7 +87,7 @@ class Compared:
         told = f"{counted(n, 'difference')} ({self.tests} comparisons; {ALPHA:.0%} of pairs of"
         out.append(f"{told} equal runs would have one by chance)")
         for one in self.differences:
-            out += one.lines()
+            out += one.lines(self.names)
         return out
 
     def as_dict(self) -> dict[str, Any]:
@@ -105,7 +109,7 @@ class Compared:
             "alpha": ALPHA,
             "correction": "Holm",
             "tests": self.tests,
-            "differences": [d.as_dict() for d in self.differences],
+            "differences": [self.names.beside(d.bus, d.as_dict()) for d in self.differences],
         }
 
 
@@ -153,7 +157,8 @@ def diff(
         raise InputError(
             "two runs have no date in common: write seconds of each, as in 10 or 10min"
         )
-    overlay: Sink | None = None
+    overlay: OverlaidSink | None = None
+    called: dict[Named, str] = {}
     if output is not None:
         if output.suffix.lower() != ".rrd":
             raise OutputError(f"{output}: plots of both end in .rrd")
@@ -178,7 +183,7 @@ def diff(
                 sinks.append(diagnosis)
             if overlay is not None:
                 run.later_ns = latest - run.start_ns
-                sinks.append(_Named(overlay, name))
+                sinks.append(_Named(overlay, name, called))
             summary, ending = run.read(sinks, patience)
             endings.append(ending)
             if selection is None:
@@ -205,6 +210,7 @@ def diff(
         told,
         lost,
         texts if differ else (),
+        ServoNames(overlaid(two[1].options.names, two[0].options.names)),
     )
 
 
@@ -272,12 +278,21 @@ def _counted(place: CapturePlace | None) -> CapturePlace | None:
 
 
 class _Named:
-    """A sink that gets the batches of a run under the run's name; it is closed elsewhere."""
+    """A sink that gets the batches of a run under the run's name; it is closed elsewhere.
 
-    def __init__(self, sink: Sink, name: str) -> None:
+    ``told`` are the names of servos of all runs, by what their buses are called in the picture.
+    """
+
+    def __init__(self, sink: OverlaidSink, name: str, told: dict[Named, str]) -> None:
         self._sink = sink
+        self._names = ServoNames()
+        self._told = told
         self._name = name
         self._buses: list[str] = []
+
+    def call(self, names: ServoNames) -> None:
+        """Take what the servos of the run are called."""
+        self._names = names
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -286,8 +301,14 @@ class _Named:
         """Hand a batch on."""
         if bus not in self._buses:
             self._buses.append(bus)
-        several = self._buses.index(bus)
-        self._sink.write(f"{self._name} {bus}" if several else self._name, protocol, batch)
+            shown = self._shown(bus)
+            self._told |= {(shown, who): name for who, name in self._names.on_bus(bus).items()}
+            self._sink.call(ServoNames(self._told))
+        self._sink.write(self._shown(bus), protocol, batch)
+
+    def _shown(self, bus: str) -> str:
+        """Return the name under which a bus is shown."""
+        return f"{self._name} {bus}" if self._buses.index(bus) else self._name
 
     def close(self) -> None:
         """Do nothing."""

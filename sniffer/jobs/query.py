@@ -148,8 +148,9 @@ def query(
             break
     with _told():
         for name in heard[0]:
-            both = pa.concat_tables([tables[name] for tables in heard]).unify_dictionaries()
-            connection.register(name, both)
+            # one capture may know names of servos, another not
+            both = pa.concat_tables([each[name] for each in heard], promote_options="default")
+            connection.register(name, both.unify_dictionaries())
         result = connection.execute(sql)
         columns = tuple(column[0] for column in result.description)
         types = [str(column[1]) for column in result.description]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
 from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import counted
@@ -65,9 +66,10 @@ class RunDifference:
     effect: float | None
     sentence: str
 
-    def lines(self) -> list[str]:
+    def lines(self, names: ServoNames | None = None) -> list[str]:
         """Return it for people: what differs, then by which test."""
-        who = "all servos" if self.servo_id is None else f"servo {self.servo_id}"
+        names = names or ServoNames()
+        who = "all servos" if self.servo_id is None else names.servo(self.bus, self.servo_id)
         sure = f"p {_chance(self.p)}, {self.test}"
         if self.test == EXACT:
             sure = "certain"
@@ -77,7 +79,8 @@ class RunDifference:
             sure += f", n {self.a['n']} and {self.b['n']}"
         if self.effect is not None:
             sure += f", {_EFFECTS.get(self.about, 'delta')} {self.effect:+g}"
-        return [f"{self.bus} {who}: {self.sentence}", f"    {sure}"]
+        told = names.sentence(self.bus, self.sentence)
+        return [f"{self.bus} {who}: {told}", f"    {sure}"]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diff.schema.json`` has it."""

@@ -22,7 +22,7 @@ from sniffer.reports import words
 from sniffer.statistics.motion import MILLI
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
@@ -99,7 +99,7 @@ def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
         told = f"{worst.told}; wanted: {rule.asked}"
         silent = set(rule.servos) - {f.servo for f in figures} if rule.what in r.OF_EACH else set()
         if silent and verdict == Decision.PASSED:
-            ids = ", ".join(map(str, sorted(silent)))
+            ids = _ids(rule, heard, sorted(silent))
             verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
         if verdict == Decision.FAILED and _is_too_little(rule, worst):
             told += _of_a_part(heard)
@@ -159,8 +159,16 @@ def _servos(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, int, ServoFigur
             yield lane, servo, mine
 
 
+def _ids(rule: r.Rule, heard: Subject, servos: Iterable[int]) -> str:
+    """Return ids of a rule with the names that they have where it is about one bus."""
+    buses = [rule.bus] if rule.bus else list(heard.summary.buses)
+    of = buses[0] if len(buses) == 1 else ""
+    return ", ".join(heard.summary.names.label(of, servo) for servo in servos)
+
+
 def _name(heard: Subject, lane: str, servo: int) -> str:
-    return f"{lane} servo {servo}" if len(heard.collector.lanes) > 1 else f"servo {servo}"
+    told = heard.summary.names.servo(lane, servo)
+    return f"{lane} {told}" if len(heard.collector.lanes) > 1 else told
 
 
 def _buses(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, BusTotals]]:
@@ -344,7 +352,7 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
     if rule.bus and not list(_buses(rule, heard)):
         return f"there is no bus {rule.bus}: {', '.join(heard.summary.buses)} is there"
     if rule.servos and not list(_servos(rule, heard)):
-        ids = ", ".join(map(str, rule.servos))
+        ids = _ids(rule, heard, rule.servos)
         return f"no servo of the id {ids} was asked or heard"
     if rule.what in (r.RESPONSE_TIME, r.SECONDS, r.LAG, r.SETTLING):
         clocks = {wire.clock for wire in heard.collector.wires.values()}
