@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.diff import Compared, diff
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.held import HeldRegisters, registers_held
     from sniffer.jobs.like import scenario_like
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Contents, Wide
@@ -92,6 +93,7 @@ __all__ = [
     "Frames",
     "Gap",
     "GapRow",
+    "HeldRegisters",
     "InputError",
     "Kind",
     "Level",
@@ -144,6 +146,7 @@ __all__ = [
     "record",
     "records",
     "register_delta",
+    "registers_held",
     "replay",
     "report",
     "samples_table",
@@ -172,6 +175,7 @@ _ROOMS: Final = {
     "selection.selection": ("Selection",),
     "jobs.query": ("Answer", "query"),
     "jobs.discover": ("Discovered", "discover"),
+    "jobs.held": ("HeldRegisters", "registers_held"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
     "jobs.stats": ("Tallied", "stats"),

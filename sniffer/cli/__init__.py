@@ -58,7 +58,7 @@ COMMANDS: Final = {
     "simulate": "Play a bus without hardware.",
     "wireshark": "Teach Wireshark to read servo buses.",
     "protocols": "List the protocols with their models and baud rates.",
-    "registers": "Show the register table of a model.",
+    "registers": "Show a model's registers, or what they held in a capture.",
     "completion": "Print the completion of a shell.",
     "manual": "Print the manual page.",
 }

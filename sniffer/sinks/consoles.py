@@ -77,3 +77,9 @@ def unfold(console: Console) -> None:
     if room_in(console) is None:
         # both: a width alone does not count where TERM is dumb
         console.size = ConsoleDimensions(UNFOLDED, console.height)
+
+
+def without_padding(printed: str) -> str:
+    """Return what was printed without the blanks that tables are padded with to their width."""
+    lines = printed.replace(GLUE, " ").splitlines()
+    return "".join(line.rstrip() + "\n" for line in lines)

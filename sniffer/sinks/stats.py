@@ -14,7 +14,7 @@ from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import GLUE, NARROWEST, console_for, glued, room_in, unfold
+from sniffer.sinks.consoles import NARROWEST, console_for, glued, room_in, unfold, without_padding
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 from sniffer.statistics.lags import whole_ms
@@ -67,9 +67,7 @@ def print_stats(
             if nth:
                 console.print()
             _print_bus(bus, statistics, console, width, most, how, tables)
-    # tables are padded to their width: nobody wants that in a file
-    lines = printed.get().replace(GLUE, " ").splitlines()
-    text = "".join(line.rstrip() + "\n" for line in lines)
+    text = without_padding(printed.get())
     if not console.encoding.lower().startswith("utf"):
         text = text.translate(str.maketrans(BARS, PLAIN_BARS))
     console.file.write(text)

@@ -1,0 +1,107 @@
+"""What servos' registers held, as people read it: servos of which the same was said stand together.
+
+So a setting that one servo has otherwise than its neighbours is a line of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from rich.text import Text
+
+from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED
+from sniffer.ground.model import NS
+from sniffer.ground.units import word_of
+from sniffer.ground.wording import plain, short
+from sniffer.sinks.consoles import NARROWEST, console_for, glued, room_in, unfold, without_padding
+from sniffer.sinks.stats import WIDE
+from sniffer.sinks.tabulated import Tabulated, number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from sniffer.decoding.called import ServoNames
+    from sniffer.jobs.held import HeldRegisters
+    from sniffer.statistics.held import HeldRegister, Said
+
+_HEADINGS: Final = {CONFIG: "settings", COMMANDED: "goals and commands", MEASURED: "measured"}
+
+
+def print_held(told: HeldRegisters, console: Console | None = None) -> None:
+    """Print the registers bus by bus: settings, what was commanded, what was measured."""
+    console = console or console_for()
+    room = room_in(console)
+    width = WIDE if room is None else max(room, NARROWEST)
+    console.width = width
+    unfold(console)
+    with console.capture() as printed:
+        for nth, bus in enumerate(dict.fromkeys(held.bus for held in told.registers)):
+            if nth:
+                console.print()
+            mine = [held for held in told.registers if held.bus == bus]
+            _print_bus(mine, told, console, width)
+    console.file.write(without_padding(printed.get()))
+
+
+def _print_bus(
+    mine: Sequence[HeldRegister], told: HeldRegisters, console: Console, width: int
+) -> None:
+    bus = mine[0].bus
+    title = f"{bus}: {mine[0].protocol.name}, what registers held"
+    console.print(Text(short(plain(title)), style="bold"))
+    for role, heading in _HEADINGS.items():
+        rows = [held for held in mine if held.register.role == role]
+        if rows:
+            console.print()
+            console.print(Text(f" {heading}", style="dim"))
+            console.print(_table(rows, told.names, told.began_ns.get(bus)).table(None, width))
+
+
+def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
+    place = "last at byte" if began_ns is None else "last at s"
+    columns = ("register", "servos", "first", "last", "said", "changes", place)
+    table = Tabulated(*columns, left=("register", "servos", "first", "last"))
+    alike: dict[tuple[str, str, str], list[HeldRegister]] = {}
+    for held in sorted(rows, key=lambda h: (h.register.address, h.register.name, h.servo_id)):
+        first, last = _shown(held, held.first), _shown(held, held.last)
+        alike.setdefault((held.register.name, first, last), []).append(held)
+    before = ""
+    for (name, first, last), mine in alike.items():
+        latest = max(mine, key=lambda h: (h.last.t_ns, h.last.offset))
+        said = sum(h.count for h in mine), sum(h.changes for h in mine)
+        at = latest.last.offset if began_ns is None else (latest.last.t_ns - began_ns) / NS
+        table.add_row(
+            name if name != before else "",
+            _whose(mine, names),
+            first,
+            last if said[1] else "",
+            *map(str, said),
+            str(at) if isinstance(at, int) else f"{at:.3f}",
+        )
+        before = name
+    return table
+
+
+def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str:
+    everyone = {who for held in mine for who in held.protocol.everyone}
+    told = [
+        "all"
+        if held.servo_id in everyone or held.servo_id < 0
+        else glued(names.label(held.bus, held.servo_id))
+        for held in mine
+    ]
+    return ", ".join(told)
+
+
+def _shown(held: HeldRegister, said: Said) -> str:
+    named = held.register.names(said.raw)
+    if named is not None:
+        named = ", ".join(named) if isinstance(named, list) else named
+        return glued(f"{named} ({said.raw})") if named else str(said.raw)
+    if math.isnan(said.value):
+        return str(said.raw)
+    unit = word_of(held.register.unit)
+    return glued(f"{number(said.value)} {unit}") if unit else number(said.value)

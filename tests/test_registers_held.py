@@ -1,0 +1,108 @@
+"""``sniffer registers FILE``: what registers held, by the samples of the capture."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+import sniffer
+from sniffer.ground.registers import schema_path
+from tests.commands import within
+from tests.golden import captures
+from tests.streams.mightyzap import packet
+
+SCHEMA = json.loads(schema_path("registers.schema.json").read_text(encoding="utf-8"))
+SAMPLES = Path(__file__).parents[1] / "sample_captures"
+CLEAN = SAMPLES / "mightyzap_clean.log"
+Capsys = pytest.CaptureFixture[str]
+
+
+def told(capsys: Capsys, *arguments: str | Path) -> list[dict[str, Any]]:
+    ran = within(capsys, "registers", *arguments, "--format", "jsonl")
+    assert ran.status == 0, ran.err
+    records = [json.loads(line) for line in ran.out.splitlines()]
+    for record in records:
+        jsonschema.validate(record, SCHEMA)
+    return records
+
+
+@pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
+def test_what_registers_held_is_what_the_samples_say(capture: Path, capsys: Capsys) -> None:
+    pytest.importorskip("pyarrow", reason="samples as a table are the oracle")
+    said: dict[tuple[str, int, str], list[int]] = {}
+    for row in sniffer.decode(capture).samples().to_pylist():
+        if not row["part"]:
+            who = -1 if row["servo_id"] is None else row["servo_id"]
+            said.setdefault((row["bus"], who, row["register"]), []).append(row["raw"])
+    found = told(capsys, capture)
+    assert {(r["bus"], r["servo_id"], r["register"]) for r in found} == said.keys()
+    for r in found:
+        raws = said[r["bus"], r["servo_id"], r["register"]]
+        changes = sum(a != b for a, b in itertools.pairwise(raws))
+        assert (r["count"], r["changes"]) == (len(raws), changes)
+        assert (r["first"]["raw"], r["last"]["raw"]) == (raws[0], raws[-1])
+
+
+def asked(servo: int, at_s: float, delay: int) -> list[str]:
+    """Return lines of a log in which a servo's return delay is read."""
+    lines = (packet(servo, 0xF2, b"\x05\x01"), packet(servo, 0, bytes([delay])))
+    return [f"({at_s + 0.003 * k:.6f}) arm #{data.hex()}" for k, data in enumerate(lines)]
+
+
+def test_a_setting_that_one_servo_has_otherwise_is_a_line_of_its_own(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    log = tmp_path / "run.log"
+    lines = [
+        line for servo in range(1, 5) for line in asked(servo, servo, 250 if servo == 3 else 10)
+    ]
+    log.write_text("\n".join(lines) + "\n", encoding="ascii")
+    ran = within(capsys, "registers", log, "--protocol", "mightyzap", "--name", "3=left_hip")
+    assert ran.status == 0
+    rows = [line.split() for line in ran.out.splitlines() if line.strip()]
+    where = rows.index(["settings"])
+    delays = rows[where + 2 :]
+    assert delays[0][1:4] == ["1,", "2,", "4"]
+    assert delays[1][:2] == ["3", "left_hip"]
+
+
+def test_a_part_tells_what_was_said_in_it(capsys: Capsys) -> None:
+    whole, part = (told(capsys, CLEAN, *more) for more in ((), ("--to", "2", "--servo", "1")))
+    assert {r["servo_id"] for r in part} == {1}
+    first = {(r["servo_id"], r["register"]): r for r in whole}
+    for r in part:
+        of_all = first[1, r["register"]]
+        assert r["first"] == of_all["first"]
+        assert r["count"] < of_all["count"] or r["last"] == of_all["last"]
+
+
+def test_a_capture_without_times_tells_the_byte(capsys: Capsys) -> None:
+    ran = within(capsys, "registers", SAMPLES / "lss_clean.bin")
+    assert ran.status == 0
+    assert "last at byte" in ran.out
+    assert "last at s" not in ran.out
+
+
+def test_a_capture_in_which_no_register_was_said_tells_so(tmp_path: Path, capsys: Capsys) -> None:
+    dump = tmp_path / "echo.hex"
+    dump.write_text("FF FF FF 00 02 F1 0C\n" * 9, encoding="ascii")
+    ran = within(capsys, "registers", dump, "--protocol", "mightyzap")
+    assert ran.status == 0
+    assert ran.out.startswith("no register was read or written")
+
+
+def test_what_is_asked_of_a_capture_is_refused_of_a_table(capsys: Capsys) -> None:
+    ran = within(capsys, "registers", "rs305cr", "--servo", "3")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint.startswith("--servo is about what registers held in a capture: ")
+
+
+def test_nothing_that_is_known_by_a_name_is_told_with_what_there_is(capsys: Capsys) -> None:
+    ran = within(capsys, "registers", "nofile.mcap")
+    assert ran.status == 2
+    assert "no model 'nofile.mcap', and no such file: " in ran.complaint
