@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import Chunk
+from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x
@@ -60,6 +61,34 @@ def test_a_bit_that_falls_in_the_second_byte_and_others_is_a_weak_signal_and_no_
     told = talk.diagnosed()
     assert verdicts(told.incidents()) == [("signal-integrity", ())]
     assert "first-byte-torn" not in codes(told)
+
+
+def bare_answers_in_a_log(*, late_by_a_byte: bool) -> set[str]:
+    """Return what is found where one byte is left of bare answers, written down as a text log."""
+    rng = random.Random(4)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(rng.uniform(0.3, 0.31) + servo / 10)
+        if rng.random() < 0.1:
+            talk.rest(late_by_a_byte * 0.087)
+            talk.say(bytes((rng.randrange(256),)))
+            talk.rest(30)
+        else:
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+        talk.rest(rng.uniform(0.4, 1.0))
+        return True
+
+    talk = robot("wck", 12, servos=SERVOS, instead=instead, goals=False)
+    return codes(talk.diagnosed(replace(c, clock=Clock.FILE) for c in talk.chunks))
+
+
+def test_what_is_left_of_answers_in_a_log_lacks_its_first_byte_where_it_is_later_than_all() -> None:
+    assert "first-byte-torn" in bare_answers_in_a_log(late_by_a_byte=True)
+
+
+def test_what_is_left_of_answers_in_a_log_and_comes_in_time_lacks_another_byte() -> None:
+    assert "first-byte-torn" not in bare_answers_in_a_log(late_by_a_byte=False)
 
 
 def test_lines_that_lack_their_first_sign_were_cut_at_the_turn_and_not_by_the_tap() -> None:
