@@ -43,8 +43,8 @@ MOST: Final = 0.75
 KNOWN: Final = 0.25
 """Part of the torn frames at least of which one must know where they are torn."""
 
-PROMPT: Final = 0.25
-"""Part of a byte time by which an answer must be later than any sound one to lack its first byte."""
+PROMPT: Final = 0.1
+"""Part of a byte time by which an answer must be later than any sound one to lack its beginning: a bit."""
 
 EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
 """Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
