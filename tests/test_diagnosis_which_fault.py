@@ -63,6 +63,64 @@ def test_a_bit_that_falls_in_the_second_byte_and_others_is_a_weak_signal_and_no_
     assert "first-byte-torn" not in codes(told)
 
 
+def misread_talk(protocol: str, misread: Callable[[random.Random, bytes], bytes]) -> Conversation:
+    """Return a robot of which one frame in twelve, of whomever, is misread."""
+    rng = random.Random(9)
+    talk = Conversation(protocol)
+    for cycle in range(900):
+        talk.until(cycle / 60)
+        servo = SERVOS[cycle % 3]
+        asked = talk.tongue.ask(servo) if cycle % 2 else talk.tongue.goal(servo, rng.random())
+        is_torn = rng.random() < 1 / 12
+        talk.say(misread(rng, asked) if is_torn else asked)
+        if is_torn:
+            talk.rest(10)
+        if is_torn or not cycle % 2:
+            continue
+        talk.rest(rng.uniform(0.3, 0.5))
+        answer = talk.tongue.answer(servo, rng.random())
+        talk.say(misread(rng, answer) if rng.random() < 1 / 12 else answer)
+    return talk
+
+
+def turned(rng: random.Random, frame: bytes, bits: range, *, falls: bool) -> bytes:
+    """Turn one bit of a frame, among some of a byte; ``falls``: one that is high."""
+    places = [
+        (k, b) for k in range(2, len(frame) - 1) for b in bits if frame[k] >> b & 1 or not falls
+    ]
+    k, bit = rng.choice(places or [(len(frame) - 1, bits[0])])
+    return frame[:k] + bytes((frame[k] ^ 1 << bit,)) + frame[k + 1 :]
+
+
+def test_high_bits_that_fall_in_the_second_half_of_bytes_of_all_are_a_weak_signal() -> None:
+    talk = misread_talk("rs30x", lambda rng, f: turned(rng, f, range(4, 8), falls=True))
+    told = talk.diagnosed()
+    assert "late-bits" in codes(told)
+    assert verdicts(told.incidents()) == [("signal-integrity", ())]
+
+
+def test_bits_that_are_turned_anywhere_in_bytes_are_noise() -> None:
+    talk = misread_talk("rs30x", lambda rng, f: turned(rng, f, range(8), falls=False))
+    told = talk.diagnosed()
+    assert "late-bits" not in codes(told)
+    assert verdicts(told.incidents()) == [("bus-noise", ())]
+
+
+def test_a_sign_that_stands_in_no_line_tells_the_bit_though_the_number_changes_with_each_line() -> (
+    None
+):
+    """A zero that is read as a blank: behind a row of low bits the first high one is missed."""
+    talk = misread_talk("lss", lambda rng, f: f.replace(b"0", b" ") if b"0" in f else f)
+    told = talk.diagnosed()
+    assert "same-bit" in codes(told)
+    assert verdicts(told.incidents()) == [("signal-integrity", ())]
+
+
+def test_signs_of_any_bit_that_stand_in_no_line_are_noise() -> None:
+    told = misread_talk("lss", lambda rng, f: turned(rng, f, range(8), falls=False)).diagnosed()
+    assert not {"same-bit", "late-bits", "one-way-bits"} & codes(told)
+
+
 def bare_answers_in_a_log(*, late_by_a_byte: bool) -> set[str]:
     """Return what is found where one byte is left of bare answers, written down as a text log."""
     rng = random.Random(4)

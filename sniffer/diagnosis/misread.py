@@ -35,6 +35,9 @@ OF_EACH: Final = 60
 NEAR_BYTES: Final = 3
 """A torn frame differs from what it was in no more bytes than that, or it is not it."""
 
+DIGITS: Final = frozenset(b"0123456789")
+"""Signs of numbers, which may be any."""
+
 BITS_FEW, FRONT, BACK, LONGER, OTHER = range(5)
 """What was torn: some bits; the first bytes; the last bytes; there is more than one frame's bytes;
 anything else."""
@@ -97,10 +100,37 @@ def misread(
     ]
     repaired = _repaired(protocol, [d for d, t in zip(torn, tried, strict=True) if t])
     found = iter(repaired)
+    signs = _signs(protocol, [*known, *itertools.chain(*known.values(), *alike)])
     out = []
     for d, sound, is_tried in zip(torn, alike, tried, strict=True):
-        out.append(_one(d, sound, next(found) if is_tried else ()))
+        told = next(found) if is_tried else ()
+        out.append(_strange(d, signs) or _one(d, sound, told))
     return out
+
+
+def _signs(protocol: BusProtocol, frames: Sequence[bytes]) -> frozenset[int]:
+    """Return the bytes that stand in lines of text; none of frames that have a checksum."""
+    if not frames or any(protocol.checksum_of(frame) is not None for frame in frames):
+        return frozenset()
+    return frozenset(b"".join(frames)) | DIGITS
+
+
+def _strange(d: Damage, signs: frozenset[int]) -> Misread | None:
+    """Tell what was misread of a line by signs that stand in no line, where one bit explains them.
+
+    What a line states changes, so that the next one differs from it in more than what was misread.
+    """
+    wrong = [k for k, byte in enumerate(d.got) if byte not in signs]
+    if not signs or not 0 < len(wrong) <= NEAR_BYTES or d.length != len(d.got):
+        return None
+    meant = bytearray(d.got)
+    for k in wrong:
+        may_be = [byte for bit in range(BITS) if (byte := d.got[k] ^ 1 << bit) in signs]
+        if len(may_be) != 1:
+            return None
+        meant[k] = may_be[0]
+    flips = tuple(_flip(d.got[k : k + 1], bytes(meant[k : k + 1]))._replace(byte=k) for k in wrong)
+    return Misread(d, BITS_FEW, flips, bytes(meant), flips[0].bit if len(flips) == 1 else -1)
 
 
 def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
