@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.diagnosis.uart import heard as as_heard
+from sniffer.diagnosis.uart import sent
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
@@ -321,3 +323,52 @@ def test_what_few_holes_join_is_told_from_what_noise_alters(protocol: str, fault
     told = talk.diagnosed([chunk for chunk in chunks if chunk.data])
     assert verdicts(told.incidents()) == [(fault, ())]
     assert ("frames-spliced" in codes(told)) == (fault == "tap-loss")
+
+
+def beside_a_clock_that_is_off(protocol: str, *, holes: bool) -> Conversation:
+    """Servo 1 has a clock that is off; the tap loses bytes now and then, or as many are altered."""
+    rng = random.Random(8)
+    talk = Conversation(protocol)
+    for cycle in range(2400):
+        talk.until(cycle / 120)
+        servo = SERVOS[cycle % 4]
+        if protocol == "rs30x":
+            talk.say(rs30x.packet(servo, 0x0F, 0x2A, 18, 0))
+        else:
+            talk.say(talk.tongue.ask(servo))
+        talk.rest(0.8)
+        if protocol == "rs30x":
+            answer = long_answer(protocol, servo, talk.now_s)
+        else:
+            answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        talk.say(as_heard(sent(answer, 1.062, rise=0.22)) if servo == 1 else answer)
+    out, left = [], 0
+    for chunk in talk.chunks:
+        data = bytearray(chunk.data)
+        if holes:
+            if not left and rng.random() < 0.01:
+                left, begin = rng.randint(20, 90), rng.randrange(len(data))
+            else:
+                begin = 0
+            n = min(left, len(data) - begin)
+            del data[begin : begin + n]
+            left -= n
+        elif rng.random() < 0.01:
+            for k in range(rng.randrange(len(data))):
+                data[k] ^= rng.randint(1, 255)
+        out.append(Chunk(bytes(data), chunk.t_ns, chunk.clock))
+    talk.chunks = [chunk for chunk in out if chunk.data]
+    return talk
+
+
+@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+def test_holes_are_told_beside_a_clock_that_is_off(protocol: str) -> None:
+    told = beside_a_clock_that_is_off(protocol, holes=True).diagnosed()
+    assert set(verdicts(told.incidents())) == {("clock-drift", (1,)), ("tap-loss", ())}
+
+
+@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+def test_altered_beginnings_are_no_holes_beside_a_clock_that_is_off(protocol: str) -> None:
+    told = beside_a_clock_that_is_off(protocol, holes=False).diagnosed()
+    assert "pieces-complete" not in codes(told)
+    assert "tap-loss" not in {cause for cause, _ in verdicts(told.incidents())}
