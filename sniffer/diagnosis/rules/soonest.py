@@ -38,6 +38,7 @@ FINDINGS: Final = (
         "in the order of their times to answer, as one draw in six at most has them; two torn ones at "
         "least, three in four, and more than chance leaves so, lack their first byte or it is wrong; hardly any request "
         "is torn. Both at once are to be rarer than one in twenty by chance.",
+        is_manner=True,
         settle="Raise the return delay of the servo that answers first: if its answers are whole then, the "
         "driver in front of it was on for too long.",
     ),
