@@ -11,6 +11,7 @@ import pytest
 from sniffer.diagnosis.rules.soonest import by_chance
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
+from tests.streams import mightyzap
 
 DELAY_MS: Final = {1: 0.55, 2: 0.35, 3: 0.75, 4: 0.9}
 """How soon the servos answer."""
@@ -90,6 +91,36 @@ def test_who_answers_last_loses_most_to_a_controller_that_does_not_wait() -> Non
         return 0, max(0, min(len(answer), int(waits_ms / 0.087)))
 
     assert "soonest-lost" not in codes(robot_that_loses("rs30x", left).diagnosed())
+
+
+def test_a_stray_that_spoils_the_first_byte_of_who_answers_sooner_is_no_clock_of_his() -> None:
+    """The other one answers behind it, and it stands alone: it is of the line, not of a servo."""
+    rng = random.Random(6)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        asks = cycle % 2 == 0
+        talk.say(talk.tongue.ask(servo) if asks else talk.tongue.goal(servo, rng.random()))
+        place = swinging(servo, talk.now_s)
+        answer = talk.tongue.answer(servo, place) if asks else mightyzap.packet(servo, 0, b"")
+        falls = rng.random() < 0.3
+        if servo == 1:
+            talk.rest(0.3)
+            talk.say(
+                bytes((rng.choice((0xBF, 0xDF, 0xDC, 0x80)),)) + answer[1:] if falls else answer
+            )
+        else:
+            if falls:
+                talk.rest(0.02)
+                talk.say(rng.choice((b"\x00", b"\xc0", b"\xe0")))
+            talk.rest(0.6)
+            talk.say(answer)
+        talk.rest(rng.uniform(0.5, 1.0))
+        return True
+
+    talk = robot("mightyzap", 12, servos=(1, 2), instead=instead, goals=False)
+    told = talk.diagnosed()
+    assert verdicts(told.incidents()) == [("turnaround", ())]
+    assert "last-bits" not in codes(told)
 
 
 def test_how_likely_an_order_is_by_chance_is_one_in_all_orders() -> None:

@@ -98,7 +98,9 @@ def misread(
         d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
         for d, a in zip(torn, alike, strict=True)
     ]
-    repaired = _repaired(protocol, [d for d, t in zip(torn, tried, strict=True) if t])
+    firsts = {a[:1] for some in known.values() for a in some if protocol.checksum_of(a) is not None}
+    whole = [d for d, t in zip(torn, tried, strict=True) if t]
+    repaired = _repaired(protocol, whole, tuple(sorted(firsts)))
     found = iter(repaired)
     signs = _signs(protocol, [*known, *itertools.chain(*known.values(), *alike)])
     out = []
@@ -183,28 +185,44 @@ def _fits(got: bytes, alike: Sequence[bytes]) -> bool:
     return not alike or any(len(a) == len(got) for a in alike)
 
 
-_REPAIRED: Final[dict[tuple[str, bytes, bytes], tuple[bytes, ...]]] = {}
+_Key = tuple[str, bytes, bytes, tuple[bytes, ...]]
+"""A protocol, the request before, what was heard, and with what answers begin."""
+
+_REPAIRED: Final[dict[_Key, tuple[bytes, ...]]] = {}
 """What was found for torn frames: a live bus is judged again and again, and most are known."""
 
 REMEMBERED: Final = 1 << 13
 
 
-def _repaired(protocol: BusProtocol, torn: Sequence[Damage]) -> list[tuple[bytes, ...]]:
-    """Return for each torn frame those with one bit turned that hold."""
-    keys = [(protocol.name, d.asked if d.turn == IN_REPLY else b"", d.got) for d in torn]
+def _repaired(
+    protocol: BusProtocol, torn: Sequence[Damage], firsts: tuple[bytes, ...]
+) -> list[tuple[bytes, ...]]:
+    """Return for each torn frame those with a bit turned that hold, and with another first byte.
+
+    ``firsts`` are the first bytes of answers: what is on the line when one begins spoils all of it.
+    """
+    keys: list[_Key] = [
+        (protocol.name, d.asked, d.got, firsts)
+        if d.turn == IN_REPLY
+        else (protocol.name, b"", d.got, ())
+        for d in torn
+    ]
     new = [key for key in dict.fromkeys(keys) if key not in _REPAIRED]
     tries: list[bytes] = []
     sizes: list[int] = []
-    for _, asked, got in new:
-        for k, byte in enumerate(got):
-            for bit in range(BITS):
-                tries.append(asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :])
-                sizes.append(len(got))
+    for _, asked, got, begins in new:
+        tries += [
+            asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :]
+            for k, byte in enumerate(got)
+            for bit in range(BITS)
+        ]
+        tries += [asked + first + got[1:] for first in begins]
+        sizes += [len(got)] * (len(got) * BITS + len(begins))
     holds = held(protocol, tries, sizes)
-    found: dict[tuple[str, bytes, bytes], tuple[bytes, ...]] = {}
+    found: dict[_Key, tuple[bytes, ...]] = {}
     at = 0
     for key in new:
-        behind = at + len(key[2]) * BITS
+        behind = at + len(key[2]) * BITS + len(key[3])
         found[key] = tuple(tries[i][-sizes[i] :] for i in range(at, behind) if holds[i])
         at = behind
     out = [found[key] if key in found else _REPAIRED[key] for key in keys]
@@ -223,6 +241,9 @@ def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misrea
             for r in repaired
             if all(a == b for a, b, f in zip(r, same[0], fixed, strict=True) if f)
         ]
+    first = [r for r in repaired if (r[0] ^ d.got[0]).bit_count() > 1]
+    if first:  # more than a bit, and the check holds: what is behind is as it was sent
+        return Misread(d, BITS_FEW, _turned_all(first[0], d.got, [0]), first[0])
     if repaired:
         best = min(_distance(r, same) for r in repaired)
         near = [r for r in repaired if _distance(r, same) == best]

@@ -142,6 +142,8 @@ def _at_the_turn(read: Sequence[Misread]) -> bool:
 
     A driver that lets go late alters it in one way, too.
     """
+    if not read:
+        return False
     front = sum(m.damage.turn == IN_REPLY and set(m.bytes_hit) == {0} for m in read)
     return front >= PURE_WAY * len(read)
 
@@ -231,6 +233,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
             flips = [f for m in read if m.bit >= 0 for f in m.flips]
         if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):
             bitwise, chance, late = True, 0.5**half, half
+        bitwise = bitwise and not _at_the_turn([m for m in read if m.flips])
         if not (alone or bitwise):
             continue
         told = []
