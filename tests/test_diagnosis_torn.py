@@ -101,6 +101,34 @@ def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_t
     assert "requests-run-together" not in codes(talk.diagnosed())
 
 
+def turned(rng: random.Random, frame: bytes) -> bytes:
+    """Turn one bit of a frame."""
+    k = rng.randrange(len(frame))
+    return frame[:k] + bytes((frame[k] ^ 1 << rng.randrange(8),)) + frame[k + 1 :]
+
+
+@pytest.mark.parametrize("times", [1, 4])
+def test_requests_that_seem_to_run_together_once_are_no_second_controller(times: int) -> None:
+    rng = random.Random(4)
+    talk = Conversation("rs30x")
+    for cycle in range(400):
+        talk.until(cycle / 40)
+        for servo in (1, 2, 3):
+            asked = talk.tongue.ask(servo)
+            if cycle % 80 == 40 and cycle // 80 < times and servo == 1:
+                talk.say(asked[:5] + talk.tongue.ask(2)[3:])
+            elif rng.random() < 0.04:
+                talk.say(turned(rng, asked))
+            else:
+                talk.say(asked)
+                talk.rest(0.3)
+                answer = talk.tongue.answer(servo, 0.4)
+                talk.say(turned(rng, answer) if rng.random() < 0.04 else answer)
+            talk.rest(2)
+    causes = [cause for cause, _ in verdicts(talk.diagnosed().incidents())]
+    assert ("two-masters" in causes) == (times > 1)
+
+
 def test_a_torn_request_that_its_check_lets_pass_is_no_question_that_is_refused() -> None:
     """WCK's sums have seven bits: a read (5 << 5 and the id) without its eighth bit is a move."""
     talk, torn = Conversation("wck"), wck.command(1 << 5 | 15, 0)

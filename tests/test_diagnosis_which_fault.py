@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import Chunk
+from sniffer.diagnosis.uart import heard as as_heard
+from sniffer.diagnosis.uart import sent
+from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x
@@ -60,6 +63,92 @@ def test_a_bit_that_falls_in_the_second_byte_and_others_is_a_weak_signal_and_no_
     told = talk.diagnosed()
     assert verdicts(told.incidents()) == [("signal-integrity", ())]
     assert "first-byte-torn" not in codes(told)
+
+
+def misread_talk(protocol: str, misread: Callable[[random.Random, bytes], bytes]) -> Conversation:
+    """Return a robot of which one frame in twelve, of whomever, is misread."""
+    rng = random.Random(9)
+    talk = Conversation(protocol)
+    for cycle in range(900):
+        talk.until(cycle / 60)
+        servo = SERVOS[cycle % 3]
+        asked = talk.tongue.ask(servo) if cycle % 2 else talk.tongue.goal(servo, rng.random())
+        is_torn = rng.random() < 1 / 12
+        talk.say(misread(rng, asked) if is_torn else asked)
+        if is_torn:
+            talk.rest(10)
+        if is_torn or not cycle % 2:
+            continue
+        talk.rest(rng.uniform(0.3, 0.5))
+        answer = talk.tongue.answer(servo, rng.random())
+        talk.say(misread(rng, answer) if rng.random() < 1 / 12 else answer)
+    return talk
+
+
+def turned(rng: random.Random, frame: bytes, bits: range, *, falls: bool) -> bytes:
+    """Turn one bit of a frame, among some of a byte; ``falls``: one that is high."""
+    places = [
+        (k, b) for k in range(2, len(frame) - 1) for b in bits if frame[k] >> b & 1 or not falls
+    ]
+    k, bit = rng.choice(places or [(len(frame) - 1, bits[0])])
+    return frame[:k] + bytes((frame[k] ^ 1 << bit,)) + frame[k + 1 :]
+
+
+def test_high_bits_that_fall_in_the_second_half_of_bytes_of_all_are_a_weak_signal() -> None:
+    talk = misread_talk("rs30x", lambda rng, f: turned(rng, f, range(4, 8), falls=True))
+    told = talk.diagnosed()
+    assert "late-bits" in codes(told)
+    assert verdicts(told.incidents()) == [("signal-integrity", ())]
+
+
+def test_bits_that_are_turned_anywhere_in_bytes_are_noise() -> None:
+    talk = misread_talk("rs30x", lambda rng, f: turned(rng, f, range(8), falls=False))
+    told = talk.diagnosed()
+    assert "late-bits" not in codes(told)
+    assert verdicts(told.incidents()) == [("bus-noise", ())]
+
+
+def test_a_sign_that_stands_in_no_line_tells_the_bit_though_the_number_changes_with_each_line() -> (
+    None
+):
+    """A zero that is read as a blank: behind a row of low bits the first high one is missed."""
+    talk = misread_talk("lss", lambda rng, f: f.replace(b"0", b" ") if b"0" in f else f)
+    told = talk.diagnosed()
+    assert "same-bit" in codes(told)
+    assert verdicts(told.incidents()) == [("signal-integrity", ())]
+
+
+def test_signs_of_any_bit_that_stand_in_no_line_are_noise() -> None:
+    told = misread_talk("lss", lambda rng, f: turned(rng, f, range(8), falls=False)).diagnosed()
+    assert not {"same-bit", "late-bits", "one-way-bits"} & codes(told)
+
+
+def bare_answers_in_a_log(*, late_by_a_byte: bool) -> set[str]:
+    """Return what is found where one byte is left of bare answers, written down as a text log."""
+    rng = random.Random(4)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(rng.uniform(0.3, 0.31) + servo / 10)
+        if rng.random() < 0.1:
+            talk.rest(late_by_a_byte * 0.087)
+            talk.say(bytes((rng.randrange(256),)))
+            talk.rest(30)
+        else:
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+        talk.rest(rng.uniform(0.4, 1.0))
+        return True
+
+    talk = robot("wck", 12, servos=SERVOS, instead=instead, goals=False)
+    return codes(talk.diagnosed(replace(c, clock=Clock.FILE) for c in talk.chunks))
+
+
+def test_what_is_left_of_answers_in_a_log_lacks_its_first_byte_where_it_is_later_than_all() -> None:
+    assert "first-byte-torn" in bare_answers_in_a_log(late_by_a_byte=True)
+
+
+def test_what_is_left_of_answers_in_a_log_and_comes_in_time_lacks_another_byte() -> None:
+    assert "first-byte-torn" not in bare_answers_in_a_log(late_by_a_byte=False)
 
 
 def test_lines_that_lack_their_first_sign_were_cut_at_the_turn_and_not_by_the_tap() -> None:
@@ -234,3 +323,52 @@ def test_what_few_holes_join_is_told_from_what_noise_alters(protocol: str, fault
     told = talk.diagnosed([chunk for chunk in chunks if chunk.data])
     assert verdicts(told.incidents()) == [(fault, ())]
     assert ("frames-spliced" in codes(told)) == (fault == "tap-loss")
+
+
+def beside_a_clock_that_is_off(protocol: str, *, holes: bool) -> Conversation:
+    """Servo 1 has a clock that is off; the tap loses bytes now and then, or as many are altered."""
+    rng = random.Random(8)
+    talk = Conversation(protocol)
+    for cycle in range(2400):
+        talk.until(cycle / 120)
+        servo = SERVOS[cycle % 4]
+        if protocol == "rs30x":
+            talk.say(rs30x.packet(servo, 0x0F, 0x2A, 18, 0))
+        else:
+            talk.say(talk.tongue.ask(servo))
+        talk.rest(0.8)
+        if protocol == "rs30x":
+            answer = long_answer(protocol, servo, talk.now_s)
+        else:
+            answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        talk.say(as_heard(sent(answer, 1.062, rise=0.22)) if servo == 1 else answer)
+    out, left = [], 0
+    for chunk in talk.chunks:
+        data = bytearray(chunk.data)
+        if holes:
+            if not left and rng.random() < 0.01:
+                left, begin = rng.randint(20, 90), rng.randrange(len(data))
+            else:
+                begin = 0
+            n = min(left, len(data) - begin)
+            del data[begin : begin + n]
+            left -= n
+        elif rng.random() < 0.01:
+            for k in range(rng.randrange(len(data))):
+                data[k] ^= rng.randint(1, 255)
+        out.append(Chunk(bytes(data), chunk.t_ns, chunk.clock))
+    talk.chunks = [chunk for chunk in out if chunk.data]
+    return talk
+
+
+@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+def test_holes_are_told_beside_a_clock_that_is_off(protocol: str) -> None:
+    told = beside_a_clock_that_is_off(protocol, holes=True).diagnosed()
+    assert set(verdicts(told.incidents())) == {("clock-drift", (1,)), ("tap-loss", ())}
+
+
+@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+def test_altered_beginnings_are_no_holes_beside_a_clock_that_is_off(protocol: str) -> None:
+    told = beside_a_clock_that_is_off(protocol, holes=False).diagnosed()
+    assert "pieces-complete" not in codes(told)
+    assert "tap-loss" not in {cause for cause, _ in verdicts(told.incidents())}

@@ -73,6 +73,8 @@ def _followed(case: Case) -> Followed | None:
     requests = [d for d in requests if not d.alike]
     places = [*requests, *(d for d in case.damages if d.turn == IN_REPLY and not d.is_answered)]
     named = _named(case, places)
+    if named is not None and len(requests) >= LEAST and not _mostly_behind(named, requests):
+        return None  # the torn answers are the servo's that is asked next, in a fixed order
     if named is not None and Counter(named_within(case).values())[named] >= WHOLE:
         mine = [d for d in places if named in _answered(d, DEPTH)]
         return _of(named, mine) if len(mine) <= case.total("ok", named) else None
@@ -97,6 +99,11 @@ def _followed(case: Case) -> Followed | None:
             return None
         return _of(whose, mine)
     return None
+
+
+def _mostly_behind(servo: int, places: Sequence[Damage]) -> bool:
+    """Tell whether a servo's answer is among the last two before nearly all places."""
+    return sum(servo in _answered(d, DEPTH) for d in places) >= NEARLY * len(places)
 
 
 def _of(servo: int, places: Sequence[Damage]) -> Followed:
@@ -124,7 +131,7 @@ def _named(case: Case, places: Sequence[Damage]) -> int | None:
         s
         for s in case.servos
         if max(len(case.anomalies("duplicate-response", servo_id=s)), within[s]) >= WHOLE
-        and sum(s in _answered(d, DEPTH) for d in places) >= NEARLY * len(places)
+        and _mostly_behind(s, places)
     ]
     return twice[0] if len(twice) == 1 else None
 

@@ -27,6 +27,7 @@ ANSWERS: Final = {
     "took_sum": "sum",
     "took_min": "min",
     "took_max": "max",
+    "told_max": "max",
     "spread_max": "max",
     "at": "min",
     "t_first": "min",

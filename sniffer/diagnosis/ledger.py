@@ -77,7 +77,8 @@ class Ledger:
         self.traffic = TimedBuckets(TRAFFIC)
         """By bucket and servo: frames."""
         self.answers = TimedBuckets(ANSWERS)
-        """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart."""
+        """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart, and
+        the longest as it was stamped (``told_max``)."""
         self.line = TimedBuckets(LINE)
         """By bucket: bytes, unclaimed ones, the longest pause between two requests."""
         self.values = TimedBuckets(VALUES, register=len(protocol.registers))
@@ -214,6 +215,7 @@ class Ledger:
             took_sum=took if sound else np.where(timed, took, 0),
             took_min=least if sound else np.where(timed, least, NOT_KNOWN),
             took_max=least if sound else np.where(timed, least, 0),
+            told_max=took if sound else np.where(timed, took, 0),
             spread_max=spread if sound else np.where(timed, spread, 0),
             at=at,
             t_first=t_ns,

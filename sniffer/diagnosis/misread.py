@@ -35,6 +35,9 @@ OF_EACH: Final = 60
 NEAR_BYTES: Final = 3
 """A torn frame differs from what it was in no more bytes than that, or it is not it."""
 
+DIGITS: Final = frozenset(b"0123456789")
+"""Signs of numbers, which may be any."""
+
 BITS_FEW, FRONT, BACK, LONGER, OTHER = range(5)
 """What was torn: some bits; the first bytes; the last bytes; there is more than one frame's bytes;
 anything else."""
@@ -95,12 +98,41 @@ def misread(
         d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
         for d, a in zip(torn, alike, strict=True)
     ]
-    repaired = _repaired(protocol, [d for d, t in zip(torn, tried, strict=True) if t])
+    firsts = {a[:1] for some in known.values() for a in some if protocol.checksum_of(a) is not None}
+    whole = [d for d, t in zip(torn, tried, strict=True) if t]
+    repaired = _repaired(protocol, whole, tuple(sorted(firsts)))
     found = iter(repaired)
+    signs = _signs(protocol, [*known, *itertools.chain(*known.values(), *alike)])
     out = []
     for d, sound, is_tried in zip(torn, alike, tried, strict=True):
-        out.append(_one(d, sound, next(found) if is_tried else ()))
+        told = next(found) if is_tried else ()
+        out.append(_strange(d, signs) or _one(d, sound, told))
     return out
+
+
+def _signs(protocol: BusProtocol, frames: Sequence[bytes]) -> frozenset[int]:
+    """Return the bytes that stand in lines of text; none of frames that have a checksum."""
+    if not frames or any(protocol.checksum_of(frame) is not None for frame in frames):
+        return frozenset()
+    return frozenset(b"".join(frames)) | DIGITS
+
+
+def _strange(d: Damage, signs: frozenset[int]) -> Misread | None:
+    """Tell what was misread of a line by signs that stand in no line, where one bit explains them.
+
+    What a line states changes, so that the next one differs from it in more than what was misread.
+    """
+    wrong = [k for k, byte in enumerate(d.got) if byte not in signs]
+    if not signs or not 0 < len(wrong) <= NEAR_BYTES or d.length != len(d.got):
+        return None
+    meant = bytearray(d.got)
+    for k in wrong:
+        may_be = [byte for bit in range(BITS) if (byte := d.got[k] ^ 1 << bit) in signs]
+        if len(may_be) != 1:
+            return None
+        meant[k] = may_be[0]
+    flips = tuple(_flip(d.got[k : k + 1], bytes(meant[k : k + 1]))._replace(byte=k) for k in wrong)
+    return Misread(d, BITS_FEW, flips, bytes(meant), flips[0].bit if len(flips) == 1 else -1)
 
 
 def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
@@ -153,28 +185,44 @@ def _fits(got: bytes, alike: Sequence[bytes]) -> bool:
     return not alike or any(len(a) == len(got) for a in alike)
 
 
-_REPAIRED: Final[dict[tuple[str, bytes, bytes], tuple[bytes, ...]]] = {}
+_Key = tuple[str, bytes, bytes, tuple[bytes, ...]]
+"""A protocol, the request before, what was heard, and with what answers begin."""
+
+_REPAIRED: Final[dict[_Key, tuple[bytes, ...]]] = {}
 """What was found for torn frames: a live bus is judged again and again, and most are known."""
 
 REMEMBERED: Final = 1 << 13
 
 
-def _repaired(protocol: BusProtocol, torn: Sequence[Damage]) -> list[tuple[bytes, ...]]:
-    """Return for each torn frame those with one bit turned that hold."""
-    keys = [(protocol.name, d.asked if d.turn == IN_REPLY else b"", d.got) for d in torn]
+def _repaired(
+    protocol: BusProtocol, torn: Sequence[Damage], firsts: tuple[bytes, ...]
+) -> list[tuple[bytes, ...]]:
+    """Return for each torn frame those with a bit turned that hold, and with another first byte.
+
+    ``firsts`` are the first bytes of answers: what is on the line when one begins spoils all of it.
+    """
+    keys: list[_Key] = [
+        (protocol.name, d.asked, d.got, firsts)
+        if d.turn == IN_REPLY
+        else (protocol.name, b"", d.got, ())
+        for d in torn
+    ]
     new = [key for key in dict.fromkeys(keys) if key not in _REPAIRED]
     tries: list[bytes] = []
     sizes: list[int] = []
-    for _, asked, got in new:
-        for k, byte in enumerate(got):
-            for bit in range(BITS):
-                tries.append(asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :])
-                sizes.append(len(got))
+    for _, asked, got, begins in new:
+        tries += [
+            asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :]
+            for k, byte in enumerate(got)
+            for bit in range(BITS)
+        ]
+        tries += [asked + first + got[1:] for first in begins]
+        sizes += [len(got)] * (len(got) * BITS + len(begins))
     holds = held(protocol, tries, sizes)
-    found: dict[tuple[str, bytes, bytes], tuple[bytes, ...]] = {}
+    found: dict[_Key, tuple[bytes, ...]] = {}
     at = 0
     for key in new:
-        behind = at + len(key[2]) * BITS
+        behind = at + len(key[2]) * BITS + len(key[3])
         found[key] = tuple(tries[i][-sizes[i] :] for i in range(at, behind) if holds[i])
         at = behind
     out = [found[key] if key in found else _REPAIRED[key] for key in keys]
@@ -193,6 +241,9 @@ def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misrea
             for r in repaired
             if all(a == b for a, b, f in zip(r, same[0], fixed, strict=True) if f)
         ]
+    first = [r for r in repaired if (r[0] ^ d.got[0]).bit_count() > 1]
+    if first:  # more than a bit, and the check holds: what is behind is as it was sent
+        return Misread(d, BITS_FEW, _turned_all(first[0], d.got, [0]), first[0])
     if repaired:
         best = min(_distance(r, same) for r in repaired)
         near = [r for r in repaired if _distance(r, same) == best]

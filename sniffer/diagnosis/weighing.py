@@ -108,7 +108,11 @@ def _of_another(best: Weighed, left: Sequence[Finding], all_found: Sequence[Find
 
 def _best(left: Sequence[Finding], all_found: Sequence[Finding]) -> Weighed | None:
     """Return the cause that scores highest on what is left."""
-    weighed = [w for w in weigh(left, all_found) if w.score > LEAST and w.explained]
+    weighed = [
+        w
+        for w in weigh(left, all_found)
+        if w.score > LEAST and not all(_declared(f.code).is_manner for f in w.explained)
+    ]
     return max(weighed, key=lambda w: (w.score, -_order(w.cause)), default=None)
 
 

@@ -49,7 +49,7 @@ FINDINGS: Final = (
         "late-bits",
         "line",
         "The bits that are misread, of several senders, are the last ones of their bytes.",
-        "Torn frames that one bit explains, of two senders or more: nine tenths of them have it at bit 5 to 7 of a byte, which chance does not do.",
+        "Torn frames that one bit explains, of two senders or more: nine tenths of them have it at bit 5 to 7 of a byte, or of ten and more at bit 4 to 7, which chance does not do.",
     ),
     FindingCode(
         "last-bits",
@@ -142,6 +142,8 @@ def _at_the_turn(read: Sequence[Misread]) -> bool:
 
     A driver that lets go late alters it in one way, too.
     """
+    if not read:
+        return False
     front = sum(m.damage.turn == IN_REPLY and set(m.bytes_hit) == {0} for m in read)
     return front >= PURE_WAY * len(read)
 
@@ -172,16 +174,22 @@ def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Find
 def late_bits(case: Case) -> Iterator[Finding]:
     """Tell whether the bits that are misread, of whomever, are the last ones of their bytes."""
     read = [m for m in case.misreads if m.bit >= 0]
-    late = [m for m in read if m.bit >= ENDING]
-    chance = at_least(len(late), len(read), 1 - ENDING / BITS)
+    # the longer the row of low bits must be, the later is the first bit that falls
+    for first in (ENDING, BITS // 2):
+        late = [m for m in read if m.bit >= first]
+        chance = at_least(len(late), len(read), 1 - first / BITS)
+        if len(late) >= PURE * len(read) and chance <= CHANCE:
+            break
+    else:
+        return
     senders = {m.servo_id for m in late}
-    if len(late) < PURE * len(read) or len(senders) < 2 or chance > CHANCE:
+    if len(senders) < 2:
         return
     yield bits_finding(
         "late-bits",
         late,
         f"of {len(read)} frames with one wrong bit {len(late)}, of {len(senders)} senders, have it "
-        f"at bit {ENDING} to 7 of a byte",
+        f"at bit {first} to 7 of a byte",
         "the last bits of bytes are misread",
         sureness(chance),
     )
@@ -225,6 +233,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
             flips = [f for m in read if m.bit >= 0 for f in m.flips]
         if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):
             bitwise, chance, late = True, 0.5**half, half
+        bitwise = bitwise and not _at_the_turn([m for m in read if m.flips])
         if not (alone or bitwise):
             continue
         told = []

@@ -67,6 +67,9 @@ SHORT: Final = 6
 
 PLENTY: Final = 8
 
+ONCE: Final = 0.2
+"""How much one place counts: two who do not listen run into each other again, a pulse does so once."""
+
 SELDOM: Final = 0.02
 MANY: Final = 0.08
 """Parts of the torn frames: what tears many frames makes one of them look like two now and then,
@@ -142,7 +145,11 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         f"{len(into)} of {requests} torn requests begin as one request and end as another, "
         f"{len(answers)} torn answers end as a request",
         tuple(Place(d.at, d.length, d.t_ns, "two requests at once") for d in into[:3]),
-        strength=min(0.35 + len(into) / PLENTY, len(every) / (MANY * len(torn)), 1.0),
+        strength=min(
+            0.35 + len(into) / PLENTY if len(every) > 1 else ONCE,
+            len(every) / (MANY * len(torn)),
+            1.0,
+        ),
         brief=f"{len(into)} requests run into each other",
     )
 

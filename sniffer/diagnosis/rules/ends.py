@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
+from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
 from sniffer.diagnosis.rules.bits import bits_finding
 from sniffer.diagnosis.twins import torn_by_twins
+from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,8 +43,8 @@ MOST: Final = 0.75
 KNOWN: Final = 0.25
 """Part of the torn frames at least of which one must know where they are torn."""
 
-PROMPT: Final = 0.25
-"""Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
+PROMPT: Final = 0.1
+"""Part of a byte time by which an answer must be later than any sound one to lack its beginning: a bit."""
 
 EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
 """Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
@@ -55,13 +57,7 @@ def ends(case: Case) -> Iterator[Finding]:
     """Tell whether frames are torn at one end only."""
     answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
     requests = [m for m in case.misreads if m.damage.turn != IN_REPLY]
-    late = _late(case, answers)
-    first = [
-        m
-        for m in answers
-        if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
-        if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
-    ]
+    first = case.once(torn_in_front)
     if _mostly(first, answers):
         yield bits_finding(
             "first-byte-torn",
@@ -103,21 +99,30 @@ def strays_before(case: Case) -> Iterator[Finding]:
         )
 
 
+def torn_in_front(case: Case) -> list[Misread]:
+    """Return the torn answers of which the first byte is missing or wrong, and the second at most."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
+    late = _late(case, answers)
+    return [
+        m
+        for m in answers
+        if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
+        if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
+    ]
+
+
 def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
-    """Return the places of torn answers that begin later than any sound one: they lack a byte."""
-    byte_ns = case.ledger.byte_ns
-    a = case.answers
-    if not len(a["spread_max"]) or a["spread_max"].max() > PROMPT * byte_ns:
-        return set()
-    latest = {
-        servo: int(a["took_max"][(a["servo_id"] == servo) & (a["took_n"] > 0)].max(initial=0))
-        for servo in case.answering
-    }
+    """Return the places of torn answers that begin later than any sound one: they lack a byte.
+
+    Both are stamped alike, so that what all stamps are off by does not matter; what they vary by is
+    in the latest sound one.
+    """
+    latest = {servo: delay.latest_ns for servo, delay in delays(case).items()}
+    least = PROMPT * case.ledger.byte_ns
     return {
         m.damage.at
         for m in answers
-        if m.shape != BITS_FEW
-        and m.damage.since_ns > latest.get(m.servo_id, 1 << 62) + PROMPT * byte_ns
+        if m.shape != BITS_FEW and m.damage.since_ns > latest.get(m.servo_id, NEVER_NS) + least
     }
 
 

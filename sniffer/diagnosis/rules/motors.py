@@ -28,12 +28,14 @@ FINDINGS: Final = (
         "line",
         "Damage comes while motors work, and less while they rest.",
         "In quarters of a second: how much is damaged, apart from the answers of a servo that alone is hit, goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
+        is_manner=True,
     ),
     FindingCode(
         "damage-behind-steps",
         "line",
         "Damage begins when goals jump: it stands behind the steps, and not before them.",
         "Steps of goals behind a rest of the others: in three quarters of a second behind them more is damaged than in as long before, oftener than chance has it by step, and three times as much in all.",
+        is_manner=True,
     ),
 )
 
@@ -52,6 +54,10 @@ COUNTED: Final = 3.5
 SHIFTED: Final = 1.2
 """How far beyond chance it must be, in standard deviations: as a correlation; by the count, as if
 each place came by itself; against the same motion at other times, for both come in episodes."""
+
+SURELY: Final = 1e-4
+"""How likely chance is to bring so much where it counts in full: with a quantity or two to look at, and
+dozens of captures with noise, two or three standard deviations are met now and then."""
 
 KNOWN: Final = 0.5
 """Part of the buckets in which a quantity must be stated to tell."""
@@ -126,7 +132,7 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
                 strict=True,
             )
         ),
-        strength=min(0.4 + 0.15 * correlated, 1.0),
+        strength=strength_of(correlated, len(ways)),
         brief="damage comes while motors work",
     )
 
@@ -198,6 +204,11 @@ def _beyond(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
     shifts = around[2:-1]  # at k, the level k buckets later; the next ones are no other time
     shifted = (together - float(shifts.mean())) / max(float(shifts.std()), 1e-9)
     return correlated, counted, shifted
+
+
+def strength_of(deviations: float, ways: int) -> float:
+    """Return how much it counts to be so far beyond chance in one of some ways that were tried."""
+    return sureness(ways * 0.5 * math.erfc(deviations / math.sqrt(2)), SURELY)
 
 
 def _level(case: Case, quantity: str, first: int, count: int) -> F64 | None:

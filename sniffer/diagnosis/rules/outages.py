@@ -88,7 +88,7 @@ SELDOM: Final = 0.4
 """Part of the time near moments from which on losses coincide by chance."""
 
 
-class _Lost:
+class Lost:
     """What one servo lost and had again."""
 
     def __init__(self, case: Case, servo: int) -> None:
@@ -154,7 +154,7 @@ def losses(case: Case) -> Iterator[Finding]:
     lost = [
         one
         for s in case.answering
-        if 2 * twins[s] <= torn[s] and (one := _Lost(case, s)).ok + one.bad > LEAST
+        if 2 * twins[s] <= torn[s] and (one := Lost(case, s)).ok + one.bad > LEAST
     ]
     # a row of torn answers without a sound one between neither comes nor goes
     lost = [one for one in lost if one.missing or not one.bad or one.moments >= MOMENTS]
@@ -202,7 +202,7 @@ def losses(case: Case) -> Iterator[Finding]:
             )
 
 
-def _for_a_while(case: Case, bad: list[_Lost]) -> Iterator[Finding]:
+def _for_a_while(case: Case, bad: list[Lost]) -> Iterator[Finding]:
     """Find the servo that loses answers for a while in which no other one does.
 
     At other times others do, for another reason.
@@ -247,7 +247,10 @@ def lengths(case: Case) -> Iterator[Finding]:
         if len(runs) < RUNS:
             continue
         spans = np.array([(run.back_ns or 0) - run.first_ns for run in runs])
-        longest = int(spans.max())
+        # one request in vain is a silence of no known length: it ends when the next one is made
+        longest = int(
+            max((s for s, run in zip(spans, runs, strict=True) if run.missed > 1), default=0)
+        )
         short = int((spans * SHORTER < longest).sum())
         uneven = short >= max(MOMENTS, MANY_SHORT * len(runs))
         if not uneven and (short or np.median([run.missed for run in runs]) < LEAST):
@@ -264,7 +267,7 @@ def lengths(case: Case) -> Iterator[Finding]:
         )
 
 
-def _group(case: Case, bad: list[_Lost], lost: list[_Lost]) -> tuple[list[_Lost], list[_Lost]]:
+def _group(case: Case, bad: list[Lost], lost: list[Lost]) -> tuple[list[Lost], list[Lost]]:
     """Return the servos that lose answers in the moments of the worst one, and the sound ones.
 
     Each of those that have far more than the soundest begins a group; who fails only in its
@@ -306,7 +309,7 @@ def _often(times: I64) -> bool:
     return near > SELDOM * int(times[-1] - times[0] + 2 * NEAR_NS)
 
 
-def _shared(group: list[_Lost]) -> list[int]:
+def _shared(group: list[Lost]) -> list[int]:
     """Return the servos of a group that fail in each other's moments."""
     out = []
     for one in group:

@@ -87,7 +87,7 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     answers = said if case.has_checksum else []  # bare answers hold by no checksum
     # what tears the answers of one servo far more than those of others is another matter; of bare
     # ones it is not known whose they are
-    hit = torn_answers(case) if case.has_checksum else {}
+    hit = {} if case.protocol.ordered else torn_answers(case)
     torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
     torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit][:KEPT]
     if len(torn) < LEAST or not requests:

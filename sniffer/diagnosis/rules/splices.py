@@ -10,11 +10,13 @@ its frame, counted from the beginning or from the end::
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.twins import torn_answers
 from sniffer.ground.codes import RESPONSE
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ FINDINGS: Final = (
         "frames-spliced",
         "tap",
         "Torn places are ends of frames, alone or behind the beginning of another, and no byte is altered.",
-        "Of a length that no frame has (and no two frames, where two are joined), by two bytes at least; each byte as it always is at its place, from the beginning up to the hole and from the end. Three places and more, a quarter of all torn ones; a request is cut, or missing before the end of an answer. Of protocols with a checksum and a header in each frame.",
+        "Ends of answers that lack two bytes and more, or of a length that no frame has, nor two, by two bytes at least; each byte as it always is at its place, from the beginning up to the hole and from the end. Three places and more, a quarter of all torn ones; a request is cut, or missing before the end of an answer. Answers of a servo that is hit far more than others are left out. Of protocols with a checksum and a header in each frame.",
     ),
 )
 
@@ -48,6 +50,9 @@ MOST: Final = 0.4
 """Part of the places of such lengths that must be splices: a pulse that takes bytes alters others,
 but of what goals state only one example is known."""
 
+ALIKE: Final = 0.7
+"""Part of the ends that may lack equally many bytes: a hole takes now these, now those."""
+
 LOOKED: Final = 200
 """Torn places that are looked at."""
 
@@ -59,7 +64,9 @@ def splices(case: Case) -> Iterator[Finding]:
     """Find places at which a hole has joined two frames."""
     if not case.has_checksum or case.protocol.ordered:
         return
-    torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length][:LOOKED]
+    hit = torn_answers(case)  # what tears the answers of one servo is another matter
+    torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length]
+    torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit][:LOOKED]
     if len(torn) < LEAST:
         return
     # what varies slowly varies over the whole capture: what stood near each torn place is seen, too
@@ -73,8 +80,12 @@ def splices(case: Case) -> Iterator[Finding]:
     one = {len(template) + k for template in known for k in range(1 - SHORT, SHORT)}
     two = {a + len(template) for template in known for a in one}
     odd = [d for d in torn if d.length not in one]
-    ends = [d for d in odd if _is_headless(d, answers)]
-    joined = [d for d in odd if d.length not in two and not _is_piece(d.got, known)]
+    lacks = {d.at: n for d in torn if (n := _lacks(d, answers))}
+    # what lacks the same each time has its beginning under what stands before it
+    usual = max(Counter(lacks.values()).values(), default=0)
+    ends = [d for d in torn if d.at in lacks] if usual <= ALIKE * len(lacks) else []
+    told = [d for d in odd if d.length not in two and d.length >= 2 * STEADY]
+    joined = [d for d in told if not _is_piece(d.got, known)]
     # what ends as a request in the place of an answer may have been said into it
     joined = [d for d in joined if d.turn != IN_REPLY or not _is_spliced(d.got, answers, requests)]
     spliced = [
@@ -83,7 +94,9 @@ def splices(case: Case) -> Iterator[Finding]:
     shown = sorted((*ends, *spliced), key=lambda d: d.at)
     # an open contact cuts answers, and nothing of a request
     asked = len(ends) + sum(d.turn == IN_REQUEST for d in spliced)
-    if len(shown) < max(LEAST, PART * len(torn)) or not asked or len(spliced) < MOST * len(joined):
+    if len(shown) < max(LEAST, PART * len(torn)) or not asked:
+        return
+    if len(shown) < MOST * (len(ends) + len(joined)):
         return
     yield finding_of(
         shown,
@@ -108,11 +121,13 @@ def _templates(case: Case, frames: Sequence[bytes]) -> Iterator[_Template]:
         yield tuple(c.pop() if len(c) == 1 else -1 for c in columns)
 
 
-def _is_headless(d: Damage, answers: Sequence[_Template]) -> bool:
-    """Tell whether it is the end of an answer, and no request stands before it."""
+def _lacks(d: Damage, answers: Sequence[_Template]) -> int:
+    """Return how many bytes are missing where it is the end of an answer without its request; 0: none."""
     back = d.got[::-1]
-    alone = d.behind == RESPONSE and d.turn != IN_REPLY
-    return alone and any(_fits(back, t[::-1]) == len(back) for t in answers)
+    if d.behind != RESPONSE or d.turn == IN_REPLY:
+        return 0
+    longer = (len(t) - len(back) for t in answers if _fits(back, t[::-1]) == len(back))
+    return max((n for n in longer if n >= SHORT), default=0)
 
 
 def _is_piece(got: bytes, frames: Sequence[_Template]) -> bool:

@@ -1,0 +1,45 @@
+"""What is weighed from findings that are given: ways in which damage comes, and how much."""
+
+from __future__ import annotations
+
+import pytest
+
+from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.rules.motors import strength_of
+from sniffer.diagnosis.weighing import explain
+from tests.conversations import T0
+
+MANNERS = ("damage-while-moving", "damage-behind-steps", "soonest-lost")
+
+
+def told(code: str, strength: float = 1.0) -> Finding:
+    return Finding(code, None, T0, T0 + 10**10, 20, code, strength=strength)
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_a_way_in_which_damage_comes_is_no_fault_beside_the_one_that_has_the_damage(
+    manner: str,
+) -> None:
+    assert not explain([told(manner)])
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_damage_that_comes_in_a_way_is_told_by_it(manner: str) -> None:
+    (one,) = explain([told(manner), told("bad-checksum"), told("damaged-response")])
+    assert len(one.findings) == 3
+
+
+def test_motion_with_which_noise_goes_by_chance_leaves_it_open_what_it_is() -> None:
+    """Two and a half standard deviations are met once in eighty looks, two in each capture."""
+    noise = [told(code) for code in ("strays-anywhere", "damage-in-requests", "noise")]
+    (one,) = explain([*noise, told("damage-while-moving", by_deviations(2.5))])
+    assert {c.cause for c in one.causes[:2]} == {"bus-noise", "emi-load"}
+    assert one.causes[0].confidence < 0.6
+    (one,) = explain([*noise, told("damage-while-moving", by_deviations(4.0))])
+    assert one.causes[0].cause == "emi-load"
+    assert one.causes[0].confidence > 0.9
+
+
+def by_deviations(deviations: float) -> float:
+    """Return how much it counts that damage goes with motion so far beyond chance, of two ways."""
+    return strength_of(deviations, 2)
