@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
@@ -44,7 +45,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -174,6 +175,8 @@ def chatty(case: Case) -> Iterator[Finding]:
     for servo in unasked:
         events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
+    for servo, said in case.once(seldom_answered).items():
+        unasked[servo] = unasked.get(servo, 0) + said.n
     for servo, n in unasked.items():
         if n < UNASKED:
             continue
@@ -191,11 +194,14 @@ def chatty(case: Case) -> Iterator[Finding]:
             continue
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         begun = pieces.get(servo, ())
+        acks = case.once(seldom_answered).get(servo)
         times = [*told.t_ns.tolist(), *(d.t_ns for d in begun)]
+        times += [] if acks is None else [acks.first_ns, acks.last_ns]
         since, until = min(times), max(times)
         over = sum(d.turn == IN_REQUEST for d in begun)
         into = f"; {over} of them began before a request was over" if over else ""
         into += f"; {len(begun) - over} lie over others' answers" if len(begun) > over else ""
+        into += f"; {acks.n} look like answers to commands that it does not answer" if acks else ""
         yield Finding(
             "speaks-unasked",
             servo,
@@ -204,7 +210,8 @@ def chatty(case: Case) -> Iterator[Finding]:
             n,
             f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
             case.places(told, "an answer without a request")
-            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3]),
+            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3])
+            or tuple(acks.places if acks is not None else ()),
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
