@@ -14,7 +14,7 @@ from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
-from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnosis.tracks import in_force, track
 from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
@@ -34,6 +34,12 @@ FINDINGS: Final = (
         "device",
         "Several servos complain of the same within moments.",
         "Two servos and more, a half of those that answer, report one alarm within a second of each other.",
+    ),
+    FindingCode(
+        "overload-passes",
+        "device",
+        "A servo takes its overload back at once, and moves on: it works hard where its goals go fast.",
+        "Every overload alarm is over within half a second, and around each the joint moves by twice what counts as far from a goal.",
     ),
     FindingCode(
         "unasked-now-and-then",
@@ -74,6 +80,9 @@ RECENT_NS: Final = 10 * NS
 
 SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 """Alarms that a supply which sags raises in all servos that hang on it."""
+
+PASSES_NS: Final = NS // 2
+"""A motor that starts hard, or hastens behind its goals, is over it in so long; who bears too much is not."""
 
 TORN: Final = 40
 BY_CHANCE: Final = 0.2
@@ -163,6 +172,34 @@ def _commanded(case: Case, servo: int, t_ns: int) -> str:
     stated = max(t_ns - int(goal.t[row]), 0) / 1e6
     near = f", stated {stated:.0f} ms before" if int(goal.t[row]) < t_ns else ""
     return f"; its goal was {goal.told(float(goal.last[row]))}{near}"
+
+
+def overload_passes(case: Case) -> Iterator[Finding]:
+    """Overloads that servos take back at once while they move on."""
+    for servo in case.servos if case.has_clock else ():
+        told = case.anomalies("device-overload", servo_id=servo)
+        back = case.anomalies("device-recovered", servo_id=servo).t_ns
+        joint = track(case, servo)
+        if not len(told) or joint is None:
+            continue
+        row = np.searchsorted(back, told.t_ns, "right")
+        if (row >= len(back)).any() or (back[row] - told.t_ns > PASSES_NS).any():
+            continue
+        low, high = in_force(joint.position, told.t_ns - NS, back[row] + NS)
+        if (high - low < 2 * joint.far).any():
+            continue
+        longest = int((back[row] - told.t_ns).max())
+        yield Finding(
+            "overload-passes",
+            servo,
+            int(told.t_ns[0]),
+            int(back[row[-1]]),
+            len(told),
+            f"servo {servo} takes its overload back within {max(longest / 1e6, 1):.0f} ms, and moves "
+            f"by {joint.position.told(float((high - low).min()))} meanwhile",
+            case.places(told, f"servo {servo}: overload", 2),
+            brief=f"servo {servo} moves on",
+        )
 
 
 def chatty(case: Case) -> Iterator[Finding]:
@@ -356,6 +393,7 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
 RULES: Final[tuple[Rule, ...]] = (
     complaints,
     together,
+    overload_passes,
     chatty,
     chatty_bare,
 )
