@@ -19,7 +19,7 @@ SELDOM: Final = 1 / 3
 _OPS: Final = 1 << 32
 
 
-class Said(NamedTuple):
+class Volunteered(NamedTuple):
     """Answers of one servo to commands that it does not answer."""
 
     n: int
@@ -28,14 +28,14 @@ class Said(NamedTuple):
     places: Sequence[Place]
 
 
-def seldom_answered(case: Case) -> Mapping[int, Said]:
+def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
     """Return by servo its answers to commands of which it answers hardly any.
 
     Held against what was said while it did, so one that is told to answer from now on is none.
     """
     told, kinds = case.ledger.optional.counted(), case.ledger.exchanges.kinds
     to, op = np.array(kinds.servo_id), np.array(kinds.op) % _OPS
-    out: dict[int, Said] = {}
+    out: dict[int, Volunteered] = {}
     columns = ("servo_id", "op", "n", "at", "length", "t_first", "t_last")
     for servo, of, n, at, length, first, last in zip(
         *(told[name].tolist() for name in columns), strict=True
@@ -49,8 +49,8 @@ def seldom_answered(case: Case) -> Mapping[int, Said]:
         if n > SELDOM * said:
             continue
         place = Place(at, length, first, "an answer to a command that it does not answer")
-        before = out.get(servo, Said(0, first, last, ()))
-        out[servo] = Said(
+        before = out.get(servo, Volunteered(0, first, last, ()))
+        out[servo] = Volunteered(
             before.n + n,
             min(before.first_ns, first),
             max(before.last_ns, last),
