@@ -129,6 +129,28 @@ def test_what_is_to_be_mended_stands_before_what_is_only_worth_knowing(
     assert any(line.startswith("1  ") for line in rest)
 
 
+def test_what_was_found_is_said_once_and_what_the_cause_is_known_by_first(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    talk = robot(
+        "mightyzap", 12, instead=lambda talk, n, servo: servo == 2 and n > 200 and _in_vain(talk)
+    )
+    path = said(tmp_path / "dead.log", talk)
+    (incident,) = diagnose.told(path)["incidents"]
+    words = " ".join(diagnose.says(path).out.split())
+    for finding in incident["findings"][:6]:
+        assert words.count(finding["what"]) == 1
+    assert "silent-since" in {f["code"] for f in incident["findings"]}
+    assert words.index("servo 2 answered until") < words.index("x no-response of servo 2")
+    assert "it answered and never again; requests without an answer" in words
+    assert "servo 2 answered until" in incident["causes"][0]["why"]
+
+
+def _in_vain(talk: Conversation) -> bool:
+    talk.ask_in_vain(2)
+    return True
+
+
 def few_lost(path: Path) -> Path:
     """Write a log in which servos 1 and 3 lose one answer each."""
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 ASKED: Final = packet(3, 0xF2, b"\x8c\x02")
 """Nobody answers: there is something wrong all the time."""
 
+ANSWER: Final = packet(3, 0, b"\x10\x08")
+
 
 class Ticking:
     """Stands for the module ``time``; it is put forward by hand."""
@@ -30,9 +32,15 @@ class Ticking:
 
 
 def judged(
-    monkeypatch: pytest.MonkeyPatch, *, is_followed: bool, took_s: float, seconds: int
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    is_followed: bool,
+    took_s: float,
+    seconds: int,
+    buses: str = "abcd",
+    wrong_from_s: float = 0.0,
 ) -> list[float]:
-    """Record four buses for some seconds; return when one was judged, which takes ``took_s``."""
+    """Record buses for some seconds; return when one was judged, which takes ``took_s``."""
     clock, when = Ticking(), list[float]()
     monkeypatch.setattr(diagnosing, "time", clock)
 
@@ -46,9 +54,10 @@ def judged(
     pipeline = Pipeline(Options(protocol="mightyzap"), [beside], live=True)
     for half in range(2 * seconds):
         t_ns = half * NS // 2
-        for bus in "abcd":
+        said = (ASKED, ASKED) if half / 2 >= wrong_from_s else (ASKED, ANSWER)
+        for bus in buses:
             pipeline.feed(
-                [Chunk(ASKED, t_ns, Clock.READ, bus), Chunk(ASKED, t_ns + 10, Clock.READ, bus)]
+                Chunk(data, t_ns + k * 2_000_000, Clock.READ, bus) for k, data in enumerate(said)
             )
         pipeline.idle(t_ns + NS // 3)
         clock.now_s = max(clock.now_s, 1000 + half / 2)
@@ -63,6 +72,23 @@ def test_a_bus_that_somebody_looks_at_is_judged_at_once_and_every_second(
     when = judged(monkeypatch, is_followed=True, took_s=0.001, seconds=10)
     assert when[0] < 0.5
     assert len(when) >= 4 * 8
+
+
+def test_a_bus_on_which_something_goes_wrong_is_judged_at_once_however_sound_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Judging a busy bus takes a tenth of a second: while all is well it is done every three."""
+    for wrong_from_s in (8.0, 8.5, 9.0, 9.5, 10.0):
+        when = judged(
+            monkeypatch,
+            is_followed=True,
+            took_s=0.1,
+            seconds=14,
+            buses="a",
+            wrong_from_s=wrong_from_s,
+        )
+        assert sum(t < 8 for t in when) <= 4
+        assert any(0 <= t - wrong_from_s <= 0.5 for t in when), wrong_from_s
 
 
 def test_where_nobody_looks_a_bus_is_judged_after_some_seconds_and_every_seven(

@@ -14,6 +14,8 @@ from tests.streams import mightyzap
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sniffer.ground.model import Chunk
+
 
 def turned(data: bytes, bits: range, *, lags: bool | None = None, behind: int = 3) -> bytes:
     """Return a frame with one high bit read as low: the first that may be; else it is whole.
@@ -172,6 +174,44 @@ def test_a_device_that_nobody_ever_asks_speaks_unasked(protocol: str) -> None:
 
     told = robot(protocol, 10, behind=behind, goals=False).diagnosed()
     assert verdicts(told.incidents()) == [("chatty-device", (9,))]
+
+
+def _acks(
+    of: Callable[[int], bool], *, late: bool = False
+) -> Callable[[Conversation, int, int], bool]:
+    """Let servo 2 say in some cycles what a mightyZAP answers a write with, at once or late."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 2 and of(cycle) and not late:
+            talk.say(mightyzap.packet(2, 0))
+            talk.rest(0.4)
+        elif servo == 3 and of(cycle) and late:
+            talk.read(3, swinging(3, talk.now_s))
+            talk.rest(12)
+            talk.say(mightyzap.packet(2, 0))
+            return True
+        return False
+
+    return instead
+
+
+@pytest.mark.parametrize("host", [list, through_usb, without_clock])
+def test_what_looks_like_the_answer_to_a_write_that_is_not_answered_else_was_said_unasked(
+    host: Callable[[list[Chunk]], list[Chunk]],
+) -> None:
+    """It was a slow servo's late answer, or none at all: it is paired with a write."""
+    talk = robot("mightyzap", 10, instead=_acks(lambda cycle: cycle % 25 == 11, late=True))
+    told = talk.diagnosed(host(talk.chunks))
+    assert verdicts(told.incidents()) == [("chatty-device", (2,))]
+
+
+@pytest.mark.parametrize(("since", "late"), [(0, False), (350, False), (350, True)])
+def test_a_servo_that_answers_each_write_from_some_time_on_was_told_to(
+    since: int, *, late: bool
+) -> None:
+    assert "speaks-unasked" not in codes(
+        robot("mightyzap", 10, instead=_acks(lambda cycle: cycle >= since, late=late)).diagnosed()
+    )
 
 
 def test_a_device_whose_requests_are_on_a_wire_that_is_not_heard_is_no_chatty_one() -> None:

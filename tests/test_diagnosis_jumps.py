@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.ground.model import Chunk
 from tests.conversations import TONGUES, robot, swinging, without_clock
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from tests.conversations import Conversation
 
 PROTOCOLS = tuple(TONGUES)
 
@@ -67,6 +70,38 @@ def test_without_a_clock_only_a_goal_where_no_other_is_comes_back_from_a_jump() 
 
     jumps = robot("rs30x", 10, path=path)
     assert "goal-jump" in codes(jumps.diagnosed(without_clock(jumps.chunks)))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("servos", [(2,), (1, 2)])
+def test_bytes_without_times_tell_a_jump_by_the_order_of_goals(
+    protocol: str, servos: tuple[int, ...]
+) -> None:
+    """The line of a slow loop is busy for so little that a whole run is a second of bytes."""
+
+    def path(servo: int, s: float) -> float:
+        x = swinging(servo, s / 2)
+        jumps = servo == 2 and any(0 < s - t < 0.3 for t in (4, 9.3))
+        return (0.99 if x < 0.5 else 0.01) if jumps else x
+
+    def rests(talk: Conversation, cycle: int) -> None:
+        talk.rest(900 if cycle % 40 in (30, 32) else 0)
+
+    jumps = robot(protocol, 14, path=path, servos=servos, rate_hz=8)
+    told = jumps.diagnosed(without_clock(jumps.chunks))
+    assert verdicts(told.incidents()) == [("position-jump", (2,))]
+    rested = robot(protocol, 14, servos=servos, rate_hz=8, before=rests)
+    for sound in (rested, robot(protocol, 14, servos=servos, rate_hz=8)):
+        assert "goal-jump" not in codes(sound.diagnosed(without_clock(sound.chunks)))
+
+
+@pytest.mark.parametrize("away", [1, 4])
+def test_bytes_without_times_tell_a_position_that_is_elsewhere_for_a_few_looks(away: int) -> None:
+    where = [*SOUND[:50], *[3500] * away, *SOUND[50 + away :]]
+    talk = [Chunk(frame) for _, frame in places(*where)]
+    assert verdicts(diagnosed(talk, "mightyzap").incidents()) == [("position-jump", (1,))]
+    moved = [Chunk(frame) for _, frame in places(*SOUND[:50], *[3500] * 30, *SOUND[80:])]
+    assert not diagnosed(moved, "mightyzap").incidents()
 
 
 def places(*raw: int, every: float = 0.04) -> list[tuple[float, bytes]]:

@@ -89,6 +89,45 @@ def test_a_load_that_is_borne_for_seconds_is_an_overload() -> None:
     assert verdicts(heard(loaded(0.1, 900), "mightyzap").incidents()) == [("overload", (1,))]
 
 
+def hastening(complains: range) -> list[tuple[float, bytes]]:
+    """Return a mightyZAP that hastens behind its goals twice, and complains."""
+    out = []
+    for k in range(160):
+        t = k * 0.05
+        goal = 800 + 10 * k + (600 if k >= 60 else 0) + (600 if k >= 100 else 0)
+        there = goal - 150 * max(3 - (k - 60) % 40, 0) * (k >= 60)
+        code = 0x20 if k in complains else 0
+        asked = mightyzap.packet(1, 0xF2, bytes((STATE, 2)))
+        out.append((t, mightyzap.packet(1, 0xF3, b"\x86" + goal.to_bytes(2, "little"))))
+        out.append((t + 0.004, asked))
+        out.append((t + 0.008, mightyzap.packet(1, code, there.to_bytes(2, "little"))))
+    return out
+
+
+def test_an_overload_that_is_taken_back_at_once_while_its_joint_moves_on_is_none() -> None:
+    passing = heard(hastening(range(60, 63)), "mightyzap")
+    assert {"device-overload", "overload-passes"} <= codes(passing)
+    assert not passing.incidents()
+    lasting = heard(hastening(range(60, 120)), "mightyzap")
+    assert verdicts(lasting.incidents()) == [("overload", (1,))]
+
+
+def test_a_goal_that_is_there_for_a_moment_only_leaves_no_joint_stuck() -> None:
+    def state(k: int) -> list[tuple[float, bytes]]:
+        goal = 3600 if k in (60, 61) else 800 + 10 * k
+        asked = mightyzap.packet(1, 0xF2, bytes((STATE, 2)))
+        there = (780 + 10 * k).to_bytes(2, "little")
+        return [
+            (k * 0.025, mightyzap.packet(1, 0xF3, b"\x86" + goal.to_bytes(2, "little"))),
+            (k * 0.025 + 0.004, asked),
+            (k * 0.025 + 0.008, mightyzap.packet(1, 0x20 if k == 61 else 0, there)),
+        ]
+
+    d = heard([row for k in range(200) for row in state(k)], "mightyzap")
+    assert verdicts(d.incidents()) == [("position-jump", (1,))]
+    assert "stuck-before-alarm" not in codes(d)
+
+
 def test_loads_at_single_looks_are_the_starts_of_moves() -> None:
     assert "load-high" not in codes(heard(loaded(0.7, 900), "mightyzap"))
 

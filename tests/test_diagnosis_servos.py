@@ -95,6 +95,25 @@ def test_a_joint_that_gets_up_to_speed_is_not_stuck() -> None:
     assert finding(it, "stuck-before-alarm") is None
 
 
+@pytest.mark.parametrize(
+    ("protocol", "register"),
+    [
+        ("mightyzap", "(Register `force_on`, address 0x80.)"),
+        ("rs30x", "(Register `torque_enable`, address 0x24.)"),
+        ("lss", ""),
+        ("wck", ""),
+    ],
+)
+def test_what_to_do_next_names_the_register_as_this_bus_has_it(
+    protocol: str, register: str
+) -> None:
+    """A servo that is switched by commands has none."""
+    (incident,) = suffering(protocol, "limp:1@2s").incidents()
+    assert incident.cause == "torque-off"
+    assert incident.next.endswith(register)
+    assert bool(register) == ("Register" in incident.next)
+
+
 def test_the_story_of_a_brownout_goes_from_the_sag_over_the_alarm_to_the_silence() -> None:
     (incident,) = suffering("mightyzap", BROWNOUT.format(1), 10.0).incidents()
     story = incident.story

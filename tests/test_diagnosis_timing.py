@@ -20,7 +20,7 @@ from tests.conversations import (
     through_usb,
     without_clock,
 )
-from tests.diagnosed import codes, diagnosed, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -107,7 +107,8 @@ def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
     assert "loop-stalls" not in codes(talk.diagnosed(late))
 
 
-def trembling(protocol: str, part: float, baud: int = BAUD) -> Conversation:
+def trembling(protocol: str, part: float, baud: int = BAUD, *, in_turn: int = 1) -> Conversation:
+    """Let cycles begin late; with ``in_turn`` each servo is read in every second cycle or third."""
     rng = random.Random(5)
     most = part * 50
 
@@ -115,7 +116,11 @@ def trembling(protocol: str, part: float, baud: int = BAUD) -> Conversation:
         del cycle
         talk.rest(rng.uniform(0, most))
 
-    return robot(protocol, 12, rate_hz=20, before=late, baud=baud)
+    def is_others_turn(talk: Conversation, cycle: int, servo: int) -> bool:
+        del talk
+        return (cycle + servo) % in_turn > 0
+
+    return robot(protocol, 12, rate_hz=20, before=late, baud=baud, instead=is_others_turn)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -123,8 +128,18 @@ def test_a_loop_whose_cycles_differ_by_half_is_uneven(protocol: str) -> None:
     assert verdicts(trembling(protocol, 0.7).diagnosed().incidents()) == [("controller-jitter", ())]
 
 
-def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound() -> None:
-    assert not trembling("rs30x", 0.15).diagnosed().incidents()
+@pytest.mark.parametrize("in_turn", [2, 3])
+def test_an_uneven_loop_that_reads_servos_in_turn_is_told(in_turn: int) -> None:
+    """Two cycles are as late as one, so what is asked in every second one seemed steadier."""
+    told = trembling("lss", 0.7, in_turn=in_turn).diagnosed()
+    assert verdicts(told.incidents()) == [("controller-jitter", ())]
+    (jitter,) = (f for f in found(told) if f.code == "loop-jitters")
+    assert jitter.value("middle_ns") == pytest.approx(50 * MS, rel=0.1)
+
+
+@pytest.mark.parametrize("in_turn", [1, 2, 3])
+def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound(in_turn: int) -> None:
+    assert not trembling("rs30x", 0.15, in_turn=in_turn).diagnosed().incidents()
 
 
 def test_what_trembles_less_than_the_host_is_late_is_not_told() -> None:

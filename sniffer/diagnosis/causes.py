@@ -41,7 +41,12 @@ class Cause:
     alike: str
     remedy: str
     settle: str
+    concerns: str = ""
+    """What of a servo the remedy is about: a quantity or effect of its registers, or ``DELAY``."""
 
+
+DELAY: Final = "delay"
+"""Registers by which a servo waits before it answers."""
 
 _CAUSES: Final = (
     Cause(
@@ -103,6 +108,7 @@ _CAUSES: Final = (
         "Two servos answering, noise, a contact towards the servo that answers soonest.",
         "Switch the driver off right after the last stop bit, add bias resistors, raise the servos' return delay.",
         "Raise the return delay of one servo: if its answers are whole then, it is the turn.",
+        DELAY,
     ),
     Cause(
         "line-stuck",
@@ -151,6 +157,7 @@ _CAUSES: Final = (
         "Noise on one servo's answers, an adapter's echo, a clock that is off.",
         "Disconnect one of them and give it another id.",
         "Disconnect servo after servo and ping the id: it still answers when one of the two is away.",
+        "servo_id",
     ),
     Cause(
         "two-masters",
@@ -235,6 +242,7 @@ _CAUSES: Final = (
         "A host that delivers late, a servo busy with its flash memory.",
         "Read its return delay register; compare its firmware with that of its peers.",
         "Exchange the ids of two servos: the delay goes with the servo or stays with the place.",
+        DELAY,
     ),
     Cause(
         "id-changed",
@@ -247,6 +255,7 @@ _CAUSES: Final = (
         "A servo that died.",
         "Ask the new id, or give the old one back.",
         "Ping the new id.",
+        "servo_id",
     ),
     Cause(
         "baud-changed",
@@ -259,6 +268,7 @@ _CAUSES: Final = (
         "A servo that died.",
         "Talk to it at the new rate, or give the old one back.",
         "Listen and ask at the new rate.",
+        "baud",
     ),
     Cause(
         "torque-off",
@@ -271,6 +281,7 @@ _CAUSES: Final = (
         "A stalled joint (there the load is high), a servo that refuses.",
         "Switch torque on, also after each restart of the servo.",
         "Read the torque register of the servo.",
+        "torque_enable",
     ),
     Cause(
         "stall",

@@ -6,12 +6,12 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from sniffer.diagnosis.acting import next_of
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.model import Incident
-from sniffer.diagnosis.rules import FINDINGS, findings
+from sniffer.diagnosis.rules import findings
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import and_
 
@@ -22,17 +22,11 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.model import Finding, Ranked
     from sniffer.diagnosis.weighing import Explained
 
-SURE: Final = 0.8
-"""From this confidence on the next step is the remedy, below it what settles the matter."""
-
 LOOKS_SO: Final = 0.1
 """What counts no more for a cause only looks so in what it has torn: it is no step of a story."""
 
 TOLD: Final = 5
 """Findings that a story has."""
-
-OF_THE_TAP: Final = frozenset(code for code, entry in CATALOGUE.items() if entry.group == "capture")
-"""What a tap met itself: codes of anomalies that have their own remedy."""
 
 AHEAD_NS: Final = MappingProxyType(
     dict.fromkeys(("voltage-sag", "load-high", "load-high-and-still", "temperature-high"), NS // 4)
@@ -51,14 +45,6 @@ def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Inciden
     first, *others = explained.causes
     cause = CAUSES[first.cause]
     rival = others[0] if others else None
-    code = explained.key.code
-    sign = FINDINGS.get(code)
-    # what the tap itself told knows better than its cause what became of it
-    told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
-    doing = (sign and sign.remedy) or told or cause.remedy
-    if first.confidence < SURE and rival is not None:
-        settle = (sign and sign.settle) or cause.settle
-        doing = f"{settle} (It may be {CAUSES[rival.cause].title} instead.)"
     by_time = tuple(sorted(explained.findings, key=lambda f: (f.first_ns, f.code)))
     return Incident(
         0,
@@ -72,7 +58,7 @@ def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Inciden
         by_time,
         _story(explained, by_time),
         "" if rival is None else _against(rival, found),
-        doing,
+        next_of(case, explained),
     )
 
 

@@ -20,6 +20,7 @@ from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.lowest import Lowest
+from sniffer.diagnosis.optional import OptionalAnswers
 from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.returns import Returns
@@ -99,6 +100,7 @@ class Ledger:
         self.silences = Silences()
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
+        self.optional = OptionalAnswers()
         self.steps = Steps(protocol)
         self.returns = Returns(protocol)
         self.exchanges = Exchanges(protocol)
@@ -136,6 +138,7 @@ class Ledger:
             self._answers(batch)
             self.silences.add(batch)
             self.refusals.add(batch)
+            self.optional.add(batch)
         if len(f):
             self.frames += len(f)
             self.has_wires = self.has_wires or bool(f.direction.any())

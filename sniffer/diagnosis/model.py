@@ -50,27 +50,42 @@ class Finding:
         return dict(self.values).get(name, otherwise)
 
 
+SAID: Final = 2
+"""Reasons that are said of a cause."""
+
 PERCENT_MOST: Final = 99
 """So sure people are told that a cause is, in percent, however much speaks for it."""
 
 
 class Reason(NamedTuple):
-    """One line of the weighing: what a finding counts for a cause, and why."""
+    """One line of the weighing: what a finding counts for a cause, and why.
+
+    ``because`` is why it counts, ``reason`` that with what was found.
+    """
 
     cause: str
     finding: str
     weight: float
     reason: str
+    because: str
 
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A cause of an incident: how sure it is (0..1), why, and the weighing behind it."""
+    """A cause of an incident: how sure it is (0..1), why, and the weighing behind it.
+
+    ``brief`` says why without what was found, for whoever lists the findings beside it.
+    """
 
     cause: str
     confidence: float
     why: str
     reasons: tuple[Reason, ...] = ()
+
+    @property
+    def brief(self) -> str:
+        """Why, in the words of the weighing alone."""
+        return "; ".join([r.because for r in self.reasons if r.weight > 0][:SAID])
 
     @property
     def percent(self) -> int:

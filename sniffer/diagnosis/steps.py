@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64
     from sniffer.protocols.base import BusProtocol
 
-WATCHED: Final = frozenset({"position", "temperature"})
-"""Quantities that cannot step as they like."""
+WATCHED: Final = frozenset({"position", "temperature", "goal_position"})
+"""Quantities that cannot step as they like, and goals: a path of them has small steps."""
 
 MILLI: Final = 1000
 """Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""

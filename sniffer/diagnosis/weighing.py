@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
-from sniffer.diagnosis.model import Ranked, Reason
+from sniffer.diagnosis.model import SAID, Ranked, Reason
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NEVER_NS, NS
@@ -155,7 +155,7 @@ def _weighed(
         if f.code not in best or abs(value) > abs(best[f.code][0]):
             best[f.code] = value, f
     reasons = tuple(
-        Reason(cause.slug, code, value, f"{weights[code].reason}: {f.what}")
+        Reason(cause.slug, code, value, f"{weights[code].reason}: {f.what}", weights[code].reason)
         for code, (value, f) in sorted(best.items(), key=lambda e: -abs(e[1][0]))
     )
     score = cause.prior + sum(value for value, _ in best.values())
@@ -212,7 +212,7 @@ def _whose(best: Weighed) -> tuple[int, ...]:
 
 def _why(w: Weighed) -> str:
     """Return what speaks for a cause, in words."""
-    told = [r.reason for r in w.reasons if r.weight > 0][:2]
+    told = [r.reason for r in w.reasons if r.weight > 0][:SAID]
     return "; ".join(told)
 
 

@@ -17,7 +17,7 @@ from sniffer.ground.wording import and_
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.diagnosis import Incident
+    from sniffer.diagnosis import Finding, Incident
     from sniffer.diagnosis.rest import Rest
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
@@ -81,11 +81,14 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
     for rank, cause in enumerate(i.causes):
         line = Text(cause.cause)
         if not rank:
-            line.append(f": {cause.why}")
+            line.append(f": {cause.brief or cause.why}")
         _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
-    if i.against:
-        _hang(console, "   ", [Text(i.against)])
-    found = [f.what for f in i.findings[:FINDINGS_SHOWN]]
+    found = [f.what for f in _by_weight(i)[:FINDINGS_SHOWN]]
+    against = i.against
+    for what in found:  # it stands below
+        against = against.removesuffix(f": {what}")
+    if against:
+        _hang(console, "   ", [Text(against)])
     left = len(i.findings) - FINDINGS_SHOWN
     if left > 0:
         found.append(f"and {left} more finding{'s' if left > 1 else ''}")
@@ -95,6 +98,13 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
     if offsets:
         told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
         _hang(console, "   see ", [Text(told)])
+
+
+def _by_weight(i: Incident) -> Sequence[Finding]:
+    """Return the findings, those first that its first cause is known by."""
+    reasons = i.causes[0].reasons
+    counts = {r.finding: r.weight for r in reasons}
+    return sorted(i.findings, key=lambda f: -counts.get(f.code, 0.0))
 
 
 def _in_short(incidents: Sequence[Incident], names: ServoNames) -> str:

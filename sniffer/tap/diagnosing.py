@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -40,7 +40,7 @@ UNSEEN_S: Final = 2.0
 JUDGED: Final = 2
 UNSEEN_JUDGED: Final = 4
 """How many times as long it is until a bus is judged again, at least: where somebody looks, and
-where nobody does."""
+where nobody does. Where nothing was wrong and now something is, it is judged at once."""
 
 SHARES: Final = (0.2, 0.03)
 UNSEEN_SHARES: Final = (0.02, 0.01)
@@ -57,6 +57,14 @@ MOST: Final = 8 << 20
 """Bytes of the buses that wait here at most."""
 
 
+class _Judged(NamedTuple):
+    """When a bus was judged last, for how long if all take as long, and whether it had news."""
+
+    began_s: float
+    took_s: float
+    had_news: bool
+
+
 class Diagnosing:
     """A sink beside a recording. Use ``start`` once, and ``finish`` at the end.
 
@@ -71,6 +79,7 @@ class Diagnosing:
         self.failure: Exception | None = None
         """What ended it although it should not have; the recording goes on without it."""
         self._now = now
+        self._is_followed = is_followed
         self._every_s = EVERY_S if is_followed else UNSEEN_S
         self._shares = SHARES if is_followed else UNSEEN_SHARES
         self._pause_s = ((JUDGED if is_followed else UNSEEN_JUDGED) - 0.5) * self._every_s
@@ -81,7 +90,7 @@ class Diagnosing:
         self._changes: deque[IncidentChange] = deque()
         self._known: tuple[Tracked, ...] = ()
         self._news: set[tuple[str, str]] = set()
-        self._due: dict[tuple[str, str], float] = {}
+        self._judged: dict[tuple[str, str], _Judged] = {}
         self._first_s = 0.0 if is_followed else self._pause_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
@@ -139,7 +148,9 @@ class Diagnosing:
         for case in self._diagnosis.cases():
             key = case.bus, case.protocol.name
             now = time.monotonic()
-            if now >= self._due.setdefault(key, now + self._first_s):
+            if key not in self._judged:
+                self._judged[key] = _Judged(now + self._first_s - self._pause_s, 0.0, had_news=True)
+            if now >= self._due(key):
                 self._judge(case, key)
             if self._stop.is_set():
                 return
@@ -174,7 +185,13 @@ class Diagnosing:
         name = ".".join(key)
         self._changes += self._tracker.update(name, incidents(case), self._now())
         self._known = tuple(replace(one) for one in self._tracker.now())
-        took = (time.monotonic() - began) * max(len(self._due), 1)
-        share = self._shares[key not in self._news]
+        took = (time.monotonic() - began) * max(len(self._judged), 1)
+        self._judged[key] = _Judged(began, took, had_news=key in self._news)
         self._news.discard(key)
-        self._due[key] = began + max(self._pause_s, took / share)
+
+    def _due(self, key: tuple[str, str]) -> float:
+        """Return when a bus is to be judged again: sooner if something is wrong since."""
+        last, is_news = self._judged[key], key in self._news
+        at_once = self._is_followed and is_news and not last.had_news
+        pause = 0.0 if at_once else self._pause_s
+        return last.began_s + max(pause, last.took_s / self._shares[not is_news])

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
-from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnosis.tracks import in_force, track
 from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
@@ -35,6 +36,12 @@ FINDINGS: Final = (
         "Two servos and more, a half of those that answer, report one alarm within a second of each other.",
     ),
     FindingCode(
+        "overload-passes",
+        "device",
+        "A servo takes its overload back at once, and moves on: it works hard where its goals go fast.",
+        "Every overload alarm is over within half a second, and around each the joint moves by twice what counts as far from a goal.",
+    ),
+    FindingCode(
         "unasked-now-and-then",
         "device",
         "What a servo says unasked stands behind few of its exchanges.",
@@ -44,7 +51,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -73,6 +80,9 @@ RECENT_NS: Final = 10 * NS
 
 SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 """Alarms that a supply which sags raises in all servos that hang on it."""
+
+PASSES_NS: Final = NS // 2
+"""A motor that starts hard, or hastens behind its goals, is over it in so long; who bears too much is not."""
 
 TORN: Final = 40
 BY_CHANCE: Final = 0.2
@@ -164,6 +174,34 @@ def _commanded(case: Case, servo: int, t_ns: int) -> str:
     return f"; its goal was {goal.told(float(goal.last[row]))}{near}"
 
 
+def overload_passes(case: Case) -> Iterator[Finding]:
+    """Overloads that servos take back at once while they move on."""
+    for servo in case.servos if case.has_clock else ():
+        told = case.anomalies("device-overload", servo_id=servo)
+        back = case.anomalies("device-recovered", servo_id=servo).t_ns
+        joint = track(case, servo)
+        if not len(told) or joint is None:
+            continue
+        row = np.searchsorted(back, told.t_ns, "right")
+        if (row >= len(back)).any() or (back[row] - told.t_ns > PASSES_NS).any():
+            continue
+        low, high = in_force(joint.position, told.t_ns - NS, back[row] + NS)
+        if (high - low < 2 * joint.far).any():
+            continue
+        longest = int((back[row] - told.t_ns).max())
+        yield Finding(
+            "overload-passes",
+            servo,
+            int(told.t_ns[0]),
+            int(back[row[-1]]),
+            len(told),
+            f"servo {servo} takes its overload back within {max(longest / 1e6, 1):.0f} ms, and moves "
+            f"by {joint.position.told(float((high - low).min()))} meanwhile",
+            case.places(told, f"servo {servo}: overload", 2),
+            brief=f"servo {servo} moves on",
+        )
+
+
 def chatty(case: Case) -> Iterator[Finding]:
     """A device that speaks without being asked."""
     unasked = sums(case.answers, "servo_id", "unsolicited")
@@ -174,6 +212,8 @@ def chatty(case: Case) -> Iterator[Finding]:
     for servo in unasked:
         events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
+    for servo, said in case.once(seldom_answered).items():
+        unasked[servo] = unasked.get(servo, 0) + said.n
     for servo, n in unasked.items():
         if n < UNASKED:
             continue
@@ -191,11 +231,14 @@ def chatty(case: Case) -> Iterator[Finding]:
             continue
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         begun = pieces.get(servo, ())
+        acks = case.once(seldom_answered).get(servo)
         times = [*told.t_ns.tolist(), *(d.t_ns for d in begun)]
+        times += [] if acks is None else [acks.first_ns, acks.last_ns]
         since, until = min(times), max(times)
         over = sum(d.turn == IN_REQUEST for d in begun)
         into = f"; {over} of them began before a request was over" if over else ""
         into += f"; {len(begun) - over} lie over others' answers" if len(begun) > over else ""
+        into += f"; {acks.n} look like answers to commands that it does not answer" if acks else ""
         yield Finding(
             "speaks-unasked",
             servo,
@@ -204,7 +247,8 @@ def chatty(case: Case) -> Iterator[Finding]:
             n,
             f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
             case.places(told, "an answer without a request")
-            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3]),
+            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3])
+            or tuple(acks.places if acks is not None else ()),
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
@@ -349,6 +393,7 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
 RULES: Final[tuple[Rule, ...]] = (
     complaints,
     together,
+    overload_passes,
     chatty,
     chatty_bare,
 )

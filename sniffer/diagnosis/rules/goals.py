@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -10,12 +10,15 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.forms import TORN, may_be_torn
+from sniffer.diagnosis.steps import MILLI
+from sniffer.diagnosis.trips import BEYOND, trips
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.trips import Trip
     from sniffer.ground.model import F64, I64
 
 FINDINGS: Final = (
@@ -24,13 +27,11 @@ FINDINGS: Final = (
         "controller",
         "One goal jumps far from the one before it, in a row of goals that move in small steps.",
         "A step four times beyond all others within two seconds, and a quarter of the travel, "
-        "between goals that go on in small steps, with no pause before it. Where no clock tells pauses, "
-        "it comes back at once from where no other goal is, and no other servo's goals jump with it.",
+        "between goals that go on in small steps, with no pause before it. Where no clock tells pauses: "
+        "four times beyond all other steps and back within eight goals, while other servos' goals go on "
+        "in small steps or, where there are none, from where no other goal is.",
     ),
 )
-
-BEYOND: Final = 4.0
-"""A path that is smooth has no step several times beyond all others near it."""
 
 ABOUT: Final = 0.5
 """Steps that are at least so much of a jump are jumps, too: the way back."""
@@ -40,9 +41,6 @@ PART: Final = 0.25
 
 BACK: Final = 3
 """Quarter seconds within which a jump comes back."""
-
-RETURNS: Final = 0.8
-"""Part of a jump by which goals come back from it."""
 
 AMONG: Final = 5
 """Goals in a quarter second among which one step alone can be told from a fast move."""
@@ -63,6 +61,9 @@ PAUSED: Final = 2.5
 STATED: Final = 0.6
 """Where fewer goals than so much of the usual number are stated, some are missing in between."""
 
+LEAPS: Final = 2.0
+"""So many times the usual step is one behind a rest."""
+
 RETRIES: Final = 2
 """Times that a usual client asks once more; it does so for a servo that is gone in every cycle."""
 
@@ -71,34 +72,73 @@ DOUBT: Final = 3
 is none."""
 
 
+class _Jump(NamedTuple):
+    """Goals among which one jumps: where they are, and by how much in the unit."""
+
+    at: int
+    first_ns: int
+    last_ns: int
+    size: float
+
+
 def goal_jumps(case: Case) -> Iterator[Finding]:
     """Jumps in goals that else move smoothly."""
     for servo in case.measured_by("goal_position"):
         goals = case.series(servo, "goal_position")
-        if goals is None or len(goals) < BUCKETS:
+        if goals is None:
             continue
-        rows, usual = _jumps(case, goals)
-        if not len(rows):
+        jumps, usual, returns = (_timed if case.has_clock else _ordered)(case, servo, goals)
+        if not jumps:
             continue
-        worst = int(rows[np.argmax(goals.step[rows])])
-        returns = bool(np.abs(goals.last[worst] - goals.first[worst]) < goals.step[worst] / 2)
-        if may_be_torn(case, len(rows)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
+        if may_be_torn(case, len(jumps)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
             continue
+        size = goals.told(max(jump.size for jump in jumps))
         yield Finding(
             "goal-jump",
             servo,
-            int(goals.t_first[rows[0]]),
-            int(goals.t[rows[-1]]),
-            len(rows),
-            f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}, and no other step "
+            jumps[0].first_ns,
+            jumps[-1].last_ns,
+            len(jumps),
+            f"a goal of servo {servo} jumps by {size}, and no other step "
             f"near is above {goals.told(usual)}" + (", and comes back" if returns else ""),
-            tuple(
-                Place(int(goals.at[r]), 1, int(goals.t_first[r]), "goals among which one jumps")
-                for r in rows[:3]
-            ),
-            brief=f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}",
-            episodes=tuple((int(goals.t_first[r]), int(goals.t[r])) for r in rows),
+            tuple(Place(j.at, 1, j.first_ns, "goals among which one jumps") for j in jumps[:3]),
+            brief=f"a goal of servo {servo} jumps by {size}",
+            episodes=tuple((j.first_ns, j.last_ns) for j in jumps),
         )
+
+
+def _timed(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:
+    """Return the jumps by the clock, the greatest other step near them, and whether they come back."""
+    del servo
+    if len(goals) < BUCKETS:
+        return [], 0.0, False
+    rows, usual = _jumps(case, goals)
+    if not len(rows):
+        return [], 0.0, False
+    worst = int(rows[np.argmax(goals.step[rows])])
+    returns = bool(np.abs(goals.last[worst] - goals.first[worst]) < goals.step[worst] / 2)
+    jumps = [
+        _Jump(int(goals.at[r]), int(goals.t_first[r]), int(goals.t[r]), float(goals.step[r]))
+        for r in rows
+    ]
+    return jumps, usual, returns
+
+
+def _ordered(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:
+    """Return the same by the order of goals alone.
+
+    Each may be a pause, or two: a path goes on meanwhile, to where it goes anyway, and so do those
+    of other servos. Only what comes back at once while others go on in small steps, or, where there are
+    none, from where no other goal is, is a jump.
+    """
+    found, usual = trips(case, servo, goals)
+    jumps = [
+        _Jump(t.out.at, t.out.t_ns, t.back.t_ns, t.out.size / MILLI)
+        for t in found
+        if _goes_on_meanwhile(case, goals, found, t)
+        and not _asks_again(case, t.out.t_ns, t.back.t_ns)
+    ]
+    return jumps, usual, True
 
 
 def _is_weak(case: Case) -> bool:
@@ -151,37 +191,48 @@ def _stands_out(case: Case, goals: Series, r: int) -> bool:
     )
     before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
     way = abs(float(goals.last[after] - goals.last[before]))
-    if not case.has_clock:
-        # It may be a pause, or two: the path goes on meanwhile, to where it goes anyway. Only what
-        # comes back at once from where no other goal is, is a jump.
-        ends = goals.first[r], goals.last[r]
-        out = max(goals.high[r] - max(ends), min(ends) - goals.low[r])
-        path = goals.step < ABOUT * goals.step[r]
-        beyond = max(
-            goals.high[r] - goals.high[path].max(initial=-np.inf),
-            goals.low[path].min(initial=np.inf) - goals.low[r],
-        )
-        returns = out >= RETURNS * goals.step[r] and way <= ABOUT * goals.step[r]
-        return bool(returns and beyond >= PART * goals.step[r]) and not _all_jump(case, goals, r)
     if way <= ABOUT * goals.step[r]:
         return True
     alone = len(alike) == 1 and goals.n[r] >= AMONG
     return bool(alone and way <= goals.step[r] * (1 + 1 / BEYOND))
 
 
-def _all_jump(case: Case, goals: Series, r: int) -> bool:
-    """Tell whether goals of another servo jump as well: the program rested, and all paths went on."""
+def _goes_on_meanwhile(case: Case, goals: Series, found: Sequence[Trip], trip: Trip) -> bool:
+    """Tell whether the program did not rest: goals of others go on in small steps meanwhile."""
+    out, back = trip
+    spare, is_alone = back.at - out.at, True
     for servo in case.measured_by("goal_position"):
         other = case.series(servo, "goal_position")
         if other is None or other is goals:
             continue
-        near = np.abs(other.bucket - goals.bucket[r]) <= 1
-        moving = other.step > 0
-        if moving.any() and other.step[near].max(initial=0.0) >= BEYOND * np.median(
-            other.step[moving]
-        ):
-            return True
-    return False
+        if not ((other.t >= out.t_ns) & (other.t_first <= back.t_ns)).any():
+            continue
+        leaps = case.ledger.steps.of(servo, other.index)
+        # of the greatest steps of a path that goes on, the least is as long as the first
+        least = LEAPS * min((s.size for s in leaps), default=0)
+        if any(s.size >= least and -spare <= s.at - out.at <= 2 * spare for s in leaps):
+            return False
+        is_alone = False
+    return not is_alone or _is_beyond(goals, found, trip)
+
+
+def _is_beyond(goals: Series, found: Sequence[Trip], trip: Trip) -> bool:
+    """Tell whether a goal jumps to where no other goal is."""
+    ways = [s for t in found for s in t]
+    free = np.ones(len(goals), bool)
+    for s in ways:
+        free &= (goals.t < s.t_ns) | (goals.t_first > s.t_ns)
+    ends = np.array([x / MILLI for t in found for x in (t.out.before, t.back.after)])
+    low = min(goals.low[free].min(initial=np.inf), ends.min())
+    high = max(goals.high[free].max(initial=-np.inf), ends.max())
+    there, size = trip.out.after / MILLI, trip.out.size / MILLI
+    return bool(max(there - high, low - there) >= PART * size)
+
+
+def _asks_again(case: Case, since_ns: int, until_ns: int) -> bool:
+    """Tell whether one request was said again and again: the path goes on meanwhile."""
+    runs = [run for run in case.ledger.exchanges.all_runs if run.again > RETRIES]
+    return any(run.t_ns < until_ns and run.until_ns > since_ns for run in runs)
 
 
 def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
@@ -194,13 +245,11 @@ def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
     # a quarter second has one of a period more or less: two hundred milliseconds make it one or two
     if ((goals.n[beside] < STATED * most) & (goals.n[beside] < most - 1)).any():
         return True
-    since, until = int(goals.t_first[beside.start]), int(goals.t[r])
-    runs = [run for run in case.ledger.exchanges.all_runs if run.again > RETRIES]
-    if any(run.t_ns < until and run.until_ns > since for run in runs):
-        return True  # one request was said again and again
+    if _asks_again(case, int(goals.t_first[beside.start]), int(goals.t[r])):
+        return True
     pauses = case.line["pause_max"]
     seen = pauses[pauses > 0]
-    if not len(seen) or not case.has_clock:
+    if not len(seen):
         return False
     place = np.searchsorted(case.line["bucket"], goals.bucket[beside])
     return bool((pauses[place] > PAUSED * float(np.median(seen))).any())

@@ -11,6 +11,7 @@ from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
 from sniffer.diagnosis.tracks import LAG_NS, LOOKS, Away, in_force, track
+from sniffer.diagnosis.trips import trips
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -148,10 +149,13 @@ def stuck(case: Case) -> Iterator[Finding]:
         if one is None:
             continue
         back = np.array([s.back_ns or 0 for s in case.ledger.silences.runs(servo)], np.int64)
+        away = trips(case, servo, one.goal)[0]  # no joint follows a goal that is there for moments
         stood = [
             k
             for k, t in enumerate(alarms.t_ns.tolist())
-            if _stands(one, t) and not ((back <= t) & (back > t - 2 * NS)).any()
+            if _stands(one, t)
+            and not ((back <= t) & (back > t - 2 * NS)).any()
+            and not any(trip.out.t_ns <= t <= trip.back.t_ns + SETS_OUT_NS for trip in away)
         ]
         if not stood or len(stood) * 2 < len(alarms):
             continue

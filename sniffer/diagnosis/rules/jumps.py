@@ -11,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.steps import MILLI, SPEED
 from sniffer.diagnosis.tracks import FAR, in_force, track
+from sniffer.diagnosis.trips import trips
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ FINDINGS: Final = (
         "position-jumps",
         "device",
         "A measured position jumps as no joint moves.",
-        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there; or a step and one back within a quarter second, whatever the goals, both faster than 500 degrees (133 mm) a second. All beyond 4 degrees (0.8 mm) and 4 % of the range.",
+        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there; or a step and one back within a quarter second, whatever the goals, both faster than 500 degrees (133 mm) a second. Where no clock tells: away and back within eight values, four times beyond all other steps, and no goal there. All beyond 4 degrees (0.8 mm) and 4 % of the range.",
         remedy="Look at the servo's position sensor (a worn potentiometer jumps) and at its gear; let the controller not act on a single position.",
         settle="Turn the joint slowly by hand with torque off: a worn sensor jumps at the same places.",
     ),
@@ -75,6 +76,8 @@ def positions(case: Case) -> Iterator[Finding]:
         for p in case.every(servo, "position"):
             steps = case.ledger.steps.of(servo, p.index)
             jumps = _jumps(case, servo, p, steps)
+            if not case.has_clock:
+                jumps = sorted({*jumps, *_trips(case, servo, p)}, key=lambda s: s.at)
             if jumps:
                 yield _jumped(case, servo, p, jumps)
                 break
@@ -111,6 +114,19 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
         if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
             out.append(s)
     return out
+
+
+def _trips(case: Case, servo: int, p: Series) -> Iterator[Leap]:
+    """Yield the steps to where a position is for a few values only, and no goal: told by their order."""
+    joint = track(case, servo)
+    least = max(LEAST_SHARE * _span(p), FAR.get(p.unit, 0.0)) * MILLI
+    for out, back in trips(case, servo, p)[0]:
+        wraps = p.register.range is not None and out.size / MILLI > WRAPS * _span(p)
+        before_ns = 2 * (back.t_ns - out.t_ns)
+        is_told = joint is not None and joint.position.index == p.index
+        was_told = joint is not None and is_told and _was_told(joint, out, before_ns)
+        if out.size >= least and not wraps and not was_told:
+            yield out
 
 
 def _span(p: Series) -> float:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.exchanges import KEPT
 from sniffer.diagnosis.model import Finding, Place
@@ -334,6 +335,8 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
 def late_replies(case: Case) -> Iterator[Finding]:
     """Servos whose answers come behind their window."""
     late = {s: case.count("late-response", servo_id=s) for s in case.servos}
+    said = case.once(seldom_answered)
+    late = {s: n for s, n in late.items() if s not in said or said[s].n < n}
     for servo, n in late.items():
         others = sum(late.values()) - n
         if n < AGAIN or others > n:

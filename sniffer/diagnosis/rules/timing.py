@@ -81,6 +81,9 @@ somewhere and looks where it got to rests for as long as that takes, 0.2 to 0.8 
 BEAT: Final = 1 / 3
 """What is asked so many times as often as what is asked most may be what has the loop's cycle."""
 
+TURNS: Final = 0.1
+"""Part of a cycle by which so many of them may miss the middle of what has its turn each time."""
+
 LONGER: Final = 2.0
 STALL_NS: Final = 10 * MS
 """A stall is so many usual pauses and so much longer: a cycle that was missed, not one that is late."""
@@ -148,10 +151,14 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     ]
     if not spreads:
         return
+    often = max(spreads, key=lambda s: s[-1])
     # What is asked twice in a cycle, or at times, is uneven by plan: the steadiest one tells.
-    spread, middle, low, high, count = min(spreads, key=lambda s: s[0] / s[1])
+    steadiest = min(spreads, key=lambda s: s[0] / _beat(s[1], often[1]))
+    told = often if _beat(steadiest[1], often[1]) == often[1] else steadiest
+    spread, middle = steadiest[0], told[1]
     if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
         return
+    low, high, count = told[2:]
     if is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
@@ -167,6 +174,15 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
         brief=f"cycles of {low / MS:.0f} to {high / MS:.0f} ms",
         values=(("middle_ns", middle), ("spread_ns", spread)),
     )
+
+
+def _beat(middle: int, often: int) -> int:
+    """Return the loop's cycle by how far apart like requests are, and those that come most often.
+
+    Whose turn comes in every second or third cycle is late by as much as a cycle is, not by twice that.
+    """
+    turns = round(middle / often)
+    return often if turns > 1 and abs(middle - turns * often) <= TURNS * often else middle
 
 
 def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:

@@ -192,6 +192,7 @@ WEIGHTS: Final = (
         ("limp-by-status", 0.3, "it gives up"),
         ("goals-without-torque", 0.3, "it gives up, and gets goals still"),
         ("device-recovered", 0.3, "it complains no more"),
+        ("overload-passes", -3.0, "it takes that back at once, and moves on"),
         ("joint-limp", -1.5, "its motor does nothing"),
     ),
     *for_(
@@ -239,6 +240,7 @@ WEIGHTS: Final = (
         ("device-recovered", 0.3, "it complains no more"),
         ("load-high-and-still", 0.3, "it bears nearly all that it can"),
         ("stuck-before-alarm", -1.5, "it stood still when it complained"),
+        ("overload-passes", -3.0, "it takes that back at once, and moves on"),
         ("complaints-together", -1.5, "several complain at once: they share a supply"),
         ("joint-stalled", -2.5, "it does not move at all"),
     ),

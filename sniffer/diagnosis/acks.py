@@ -1,0 +1,59 @@
+"""What looks like answers to commands that a servo does not answer: it said something unasked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnosis.model import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.diagnosis.case import Case
+
+SELDOM: Final = 1 / 3
+"""Who answers a command answers nearly all of its likes, for that is a setting: so few are none."""
+
+_OPS: Final = 1 << 32
+
+
+class Volunteered(NamedTuple):
+    """Answers of one servo to commands that it does not answer."""
+
+    n: int
+    first_ns: int
+    last_ns: int
+    places: Sequence[Place]
+
+
+def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
+    """Return by servo its answers to commands of which it answers hardly any.
+
+    Held against what was said while it did, so one that is told to answer from now on is none.
+    """
+    told, kinds = case.ledger.optional.counted(), case.ledger.exchanges.kinds
+    to, op = np.array(kinds.servo_id), np.array(kinds.op) % _OPS
+    out: dict[int, Volunteered] = {}
+    columns = ("servo_id", "op", "n", "at", "length", "t_first", "t_last")
+    for servo, of, n, at, length, first, last in zip(
+        *(told[name].tolist() for name in columns), strict=True
+    ):
+        own = kinds.n[to == servo]
+        alike = kinds.n[(to == servo) & (op == of)]
+        rows = (case.traffic["servo_id"] == servo) & (case.traffic["t_last"] >= first)
+        rows &= case.traffic["t_first"] <= last
+        meanwhile = int(case.traffic["requests"][rows].sum())
+        said = meanwhile * int(alike.sum()) / max(int(own.sum()), 1)
+        if n > SELDOM * said:
+            continue
+        place = Place(at, length, first, "an answer to a command that it does not answer")
+        before = out.get(servo, Volunteered(0, first, last, ()))
+        out[servo] = Volunteered(
+            before.n + n,
+            min(before.first_ns, first),
+            max(before.last_ns, last),
+            (*before.places, place),
+        )
+    return out

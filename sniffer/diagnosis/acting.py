@@ -1,0 +1,51 @@
+"""What to do next about an incident, in the words of the bus at hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.causes import CAUSES, DELAY
+from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.protocols.base import reply_delay_ns
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.weighing import Explained
+    from sniffer.ground.register import Register
+
+SURE: Final = 0.8
+"""From this confidence on the next step is the remedy, below it what settles the matter."""
+
+OF_THE_TAP: Final = frozenset(code for code, entry in CATALOGUE.items() if entry.group == "capture")
+"""What a tap met itself: codes of anomalies that have their own remedy."""
+
+
+def next_of(case: Case, explained: Explained) -> str:
+    """Return the remedy of the first cause where it is sure, else what tells it from the second."""
+    first, *others = explained.causes
+    cause = CAUSES[first.cause]
+    code = explained.key.code
+    sign = FINDINGS.get(code)
+    # what the tap itself told knows better than its cause what became of it
+    told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
+    where = _where(case, cause.concerns, explained.servo_ids)
+    if first.confidence < SURE and others:
+        settle = (sign and sign.settle) or cause.settle
+        return f"{settle}{where} (It may be {CAUSES[others[0].cause].title} instead.)"
+    return ((sign and sign.remedy) or told or cause.remedy) + where
+
+
+def _where(case: Case, concern: str, servo_ids: tuple[int, ...]) -> str:
+    """Name the register that it is about as the table of the servos' model has it."""
+    known = {case.ledger.models.get(servo, ("", 0))[0] for servo in servo_ids}
+    for r in case.protocol.registers if concern else ():
+        if r.address >= 0 and known <= {"", r.model} and _is_of(case, r, concern):
+            return f" (Register `{r.name}`, address 0x{r.address:02X}.)"
+    return ""
+
+
+def _is_of(case: Case, register: Register, concern: str) -> bool:
+    if concern == DELAY:
+        return reply_delay_ns(case.protocol, register, 1) is not None
+    return concern in (register.quantity, register.effect)

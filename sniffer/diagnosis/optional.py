@@ -1,0 +1,55 @@
+"""Answers to requests that need none: whether a servo answers such a command, or says something."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.buckets import Buckets
+from sniffer.ground.codes import OK, Reply
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Batch
+
+_OPS: Final = 1 << 32
+"""Commands by the rest of this, as refusals have them."""
+
+_COLUMNS: Final = {
+    "n": "sum",
+    "at": "first",
+    "length": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+
+class OptionalAnswers:
+    """Counts by servo and command."""
+
+    def __init__(self) -> None:
+        self.counts = Buckets(_COLUMNS)
+
+    def add(self, batch: Batch) -> None:
+        """Take the exchanges of a batch."""
+        t, f = batch.transactions, batch.frames
+        rows = np.flatnonzero((t.outcome == OK) & (t.request != -1) & (t.response >= 0))
+        frames, asked = batch.asking(t.request[rows])
+        reply = frames.reply[asked]
+        free = (reply == Reply.OPTIONAL) | (reply == Reply.IF_ALL)
+        if not free.any():
+            return
+        rows, asked = t.response[rows[free]], asked[free]
+        self.counts.add(
+            (f.servo_id[rows].astype(np.int64) + 1) * _OPS + (frames.op[asked] & _OPS - 1),
+            n=1,
+            at=f.start[rows] + batch.base,
+            length=f.length[rows],
+            t_first=f.t_end[rows],
+            t_last=f.t_end[rows],
+        )
+
+    def counted(self) -> dict[str, I64]:
+        """Return the counts as columns, with ``servo_id`` and ``op`` (its last 32 bits)."""
+        key, columns = self.counts.table()
+        return {**columns, "op": key % _OPS, "servo_id": key // _OPS - 1}
