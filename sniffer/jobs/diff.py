@@ -10,7 +10,7 @@ from sniffer.decoding.called import Named, ServoNames, overlaid
 from sniffer.decoding.options import Options
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import Sentence, and_, counted
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -128,7 +128,8 @@ def diff(
 ) -> Compared:
     """Compare two runs: response times, missing answers, errors, values, settings, commands.
 
-    Buses are compared that have one name; where each run has one bus, these.
+    Buses are compared that have one name; where each run has one bus, or one of which something is
+    selected, these.
 
     Args:
         a: the first run, a path.
@@ -309,14 +310,20 @@ class _Named:
 
 
 def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:
-    """Give the only bus of each run one name.
+    """Give the only bus of each run, or the only one of which something is selected, one name.
 
     Raises:
         InputError: they have none in common.
     """
+    asked = [[bus for bus, n in run.frames.items() if n] for run in (a, b)]
+    if not a.frames.keys() & b.frames.keys() and all(len(buses) == 1 for buses in asked):
+        for run, (bus,) in zip((a, b), asked, strict=True):
+            run.keep(bus)
     if len(a.frames) == 1 and len(b.frames) == 1:
         b.rename(next(iter(b.frames)), next(iter(a.frames)))
     if not a.frames.keys() & b.frames.keys():
-        told = "{} has {}, {} has {}: no bus in common"
-        buses = [" and ".join(run.frames) for run in (a, b)]
-        raise InputError(told.format(name_a, buses[0], name_b, buses[1]))
+        told = "{a} has {has_a}, {b} has {has_b}: no bus in common"
+        told += "; name one of each: {buses:{x},{y}}"
+        has_a, has_b = (and_(list(run.frames)) for run in (a, b))
+        x, y = (next(iter(run.frames)) for run in (a, b))
+        raise InputError(Sentence(told, a=name_a, b=name_b, has_a=has_a, has_b=has_b, x=x, y=y))
