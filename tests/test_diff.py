@@ -250,7 +250,24 @@ def test_runs_without_a_bus_in_common_are_a_mistake(tmp_path: Path, capsys: Caps
         (tmp_path / name).write_text("".join(lines.replace("bus0", bus) for bus in buses))
     ran = within(capsys, "diff", tmp_path / "x.log", tmp_path / "y.log", "--protocol", "mightyzap")
     assert ran.status == 2
-    assert "no bus in common" in ran.complaint
+    assert "no bus in common; name one of each: --bus a,c" in ran.complaint
+
+
+def test_a_bus_that_is_named_of_each_run_is_compared_with_the_other(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    one, other = (run(tmp_path / f"{n}.log", n, cycles=30) for n in (1, 2))
+    alone = within(capsys, "diff", one, other, "-q")
+    for name, log, buses in (("x.log", one, ("arm", "b")), ("y.log", other, ("c", "left"))):
+        lines = log.read_text()
+        (tmp_path / name).write_text("".join(lines.replace("bus0", bus) for bus in buses))
+    mixed = ("diff", tmp_path / "x.log", tmp_path / "y.log", "--protocol", "mightyzap", "-q")
+    named = within(capsys, *mixed, "--bus", "arm,left")
+    assert named.status == alone.status
+    head, *told = named.out.splitlines()
+    assert head == "of each what is selected: bus IN ('arm', 'left')"
+    assert [line.replace("arm ", "bus0 ") for line in told[2:]] == alone.out.splitlines()[2:]
+    assert within(capsys, *mixed, "--bus", "arm").status == 2
 
 
 # --- the tests themselves, against what is counted one by one -----------------------------------

@@ -116,6 +116,22 @@ def test_a_name_of_a_bus_that_cannot_be_is_refused_in_a_line(told: str) -> None:
     assert "write ID=NAME or BUS:ID=NAME" in done.complaint
 
 
+def test_a_name_of_a_bus_that_is_not_there_is_told_in_a_line(tmp_path: Path) -> None:
+    both = two_buses(tmp_path, "--name", "arm:1=elbow")
+    done = sniffer("stats", both, "-q", "--name", "lge:1=knee")
+    assert done.status == 0
+    told = "names were told of lge, but no bus is called so: did you mean leg?"
+    assert done.complaint == told
+
+
+def test_names_that_a_recording_has_of_a_bus_that_was_left_out_say_nothing(tmp_path: Path) -> None:
+    one = tmp_path / "one.mcap"
+    assert sniffer("decode", CLEAN, "-q", "--name", "bus0:1=hip", "-o", one).status == 0
+    again = tmp_path / "again.mcap"
+    assert sniffer("convert", one, again, "-q", "--name", "leg:1=knee").err.count("leg") == 1
+    assert sniffer("stats", again, "-q").err == ""
+
+
 def test_merged_captures_keep_the_names_of_each(tmp_path: Path) -> None:
     arm, leg = tmp_path / "arm.mcap", tmp_path / "leg.mcap"
     assert sniffer("decode", DAMAGED, "-q", "--name", "1=elbow", "-o", arm).status == 0

@@ -89,6 +89,25 @@ def test_without_names_figures_are_what_they_were(form: str) -> None:
     assert "servo_name" not in shown
 
 
+@pytest.mark.parametrize("columns", ["140", "200", None])
+def test_wide_lines_have_names_and_stay_aligned(columns: str | None, both: Path) -> None:
+    env = None if columns is None else {"COLUMNS": columns}
+    shown = sniffer("decode", both, "--from", "2", "--to", "3", "--where", "servo_id < 3", env=env)
+    head, *lines = [line for line in shown.out.splitlines() if line.startswith(("time", "2"))]
+    at = head.index("command")
+    for bus, who in (("arm", f"1 {LONG}"), ("arm", "2 wrist"), ("leg", "1"), ("leg", "2 ankle")):
+        there = [line for line in lines if line[16:19] == bus and line[22 : at - 2].strip() == who]
+        assert there, (bus, who)
+        assert all(line[at - 2] in "<>!" and line[at - 1] == " " for line in there)
+    assert {line[16:19] for line in lines} == {"arm", "leg"}
+
+
+def test_narrow_lines_keep_their_room_for_values(both: Path) -> None:
+    asked = ("decode", both, "--from", "2", "--to", "3")
+    named = sniffer(*asked, env={"COLUMNS": "80"}).out
+    assert not any("wrist" in line for line in named.splitlines() if line.startswith("22:"))
+
+
 def test_causes_and_what_was_found_name_the_servos(both: Path) -> None:
     shown = " ".join(sniffer("diagnose", both).out.split())
     assert f"brownout of servo 1 {LONG} (99 %)" in shown

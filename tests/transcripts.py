@@ -58,6 +58,7 @@ _DOCS: Final = (
     "fleet",
     "twitch",
     "numbers",
+    "names",
     "with/foxglove",
     "with/matlab",
     "with/pandas",

@@ -137,14 +137,18 @@ class ServoNames:
         """Return the buses on which a servo that was named on all has another name."""
         return [w[0] for w in self._told if isinstance(w, tuple) and w[1] == who]
 
-    def on_unknown(self, buses: Iterable[str]) -> str | None:
-        """Return a sentence on names that were said of buses which are not there, None if none."""
+    def astray(self, buses: Iterable[str], recorded: Mapping[Named, str]) -> str | None:
+        """Return a sentence on names that were told of buses which are not there; None: none was.
+
+        Those that a recording has may be of buses that somebody left out of it.
+        """
         known = list(buses)
-        said = dict.fromkeys(who[0] for who in self._told if isinstance(who, tuple))
-        lost = [bus for bus in said if bus not in known]
+        said = [who[0] for who in self._told if isinstance(who, tuple) and who not in recorded]
+        lost = [bus for bus in dict.fromkeys(said) if bus not in known]
         if not lost:
             return None
-        return f"names of {and_(lost)} are nobody's: the buses here are {and_(known)}"
+        near = nearly(lost[0], known) or f": one of {', '.join(known)}"
+        return f"names were told of {and_(lost)}, but no bus is called so{near}"
 
 
 def is_name(text: str) -> bool:

@@ -11,7 +11,7 @@ from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import Sentence, and_, counted
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -129,7 +129,8 @@ def diff(
 ) -> Compared:
     """Compare two runs: times, missing answers, errors, values, settings, commands, incidents.
 
-    Buses are compared that have one name; where each run has one bus, these.
+    Buses are compared that have one name; where each run has one bus, or one of which something is
+    selected, these.
 
     Args:
         a: the first run, a path.
@@ -169,6 +170,8 @@ def diff(
         overlay = OverlaidSink(output)
     two = [_Run(str(path), part, options, tell) for path, part in zip((a, b), parts, strict=True)]
     endings = []
+    # of a few records no cause can be told, of a bus it can
+    is_whole = selection is None or set(selection.columns) == {"bus"}
     told: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
         if overlay is not None:
@@ -178,7 +181,7 @@ def diff(
         latest = max(run.start_ns for run in two)
         for name, run in zip(A_B, two, strict=True):
             sinks: list[Sink] = [run.figures]
-            if selection is None:  # of a few records no cause can be told
+            if is_whole:
                 diagnosis = Diagnosis()
                 sinks.append(diagnosis)
             if overlay is not None:
@@ -186,7 +189,7 @@ def diff(
                 sinks.append(_Named(overlay, name, called))
             summary, ending = run.read(sinks, patience)
             endings.append(ending)
-            if selection is None:
+            if is_whole:
                 run.figures.incidents = diagnosis.incidents()
             told |= {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
     runs = two[0].figures, two[1].figures
@@ -315,14 +318,20 @@ class _Named:
 
 
 def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:
-    """Give the only bus of each run one name.
+    """Give the only bus of each run, or the only one of which something is selected, one name.
 
     Raises:
         InputError: they have none in common.
     """
+    asked = [[bus for bus, n in run.frames.items() if n] for run in (a, b)]
+    if not a.frames.keys() & b.frames.keys() and all(len(buses) == 1 for buses in asked):
+        for run, (bus,) in zip((a, b), asked, strict=True):
+            run.keep(bus)
     if len(a.frames) == 1 and len(b.frames) == 1:
         b.rename(next(iter(b.frames)), next(iter(a.frames)))
     if not a.frames.keys() & b.frames.keys():
-        told = "{} has {}, {} has {}: no bus in common"
-        buses = [" and ".join(run.frames) for run in (a, b)]
-        raise InputError(told.format(name_a, buses[0], name_b, buses[1]))
+        told = "{a} has {has_a}, {b} has {has_b}: no bus in common"
+        told += "; name one of each: {buses:{x},{y}}"
+        has_a, has_b = (and_(list(run.frames)) for run in (a, b))
+        x, y = (next(iter(run.frames)) for run in (a, b))
+        raise InputError(Sentence(told, a=name_a, b=name_b, has_a=has_a, has_b=has_b, x=x, y=y))

@@ -6,6 +6,7 @@ import contextlib
 import enum
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.called import names_in
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.lagging import LaggingPipeline
 from sniffer.decoding.pipeline import Pipeline
@@ -199,6 +200,10 @@ def run_source(
             tell.talk(f"{mistake}: it looks like {mistake.found}")
     for rule in pipeline.unmet():
         tell.warn(rule)
+    if part is None and pipeline.summary.buses:
+        lost = options.called.astray(pipeline.summary.buses, names_in(source.facts()))
+        if lost is not None:
+            tell.warn(lost)
     if told:
         tell.warn(told)
     else:

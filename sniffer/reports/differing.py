@@ -167,10 +167,12 @@ def _incidents(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     """
     for k, (run, other) in enumerate(((a, b), (b, a))):
         for one in run.incidents:
+            if not (run.frames[one.bus] and other.frames[one.bus]):  # nothing is compared there
+                continue
             sure = one.causes[0].confidence
             if CAUSES[one.cause].of not in _OF_THE_ROBOT or one.severity < Severity.WARN:
                 continue
-            if sure < LIKELY or one.bus not in other.frames or _is_known(one, other):
+            if sure < LIKELY or _is_known(one, other):
                 continue
             alone = one.servo_ids[0] if len(one.servo_ids) == 1 else None
             told = [{"count": one.count}, {"count": 0}]

@@ -100,6 +100,11 @@ class RunFigures:
             return 0.0
         return (max(e for _, e in self.span.values()) - min(b for b, _ in self.span.values())) / NS
 
+    def keep(self, bus: str) -> None:
+        """Forget the other buses, of which nothing was selected."""
+        self.frames = Counter({bus: self.frames[bus]})
+        self.span = {name: span for name, span in self.span.items() if name == bus}
+
     def rename(self, bus: str, name: str) -> None:
         """Give the only bus another name."""
 

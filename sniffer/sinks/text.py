@@ -37,13 +37,17 @@ bytes, if that is enough for ``BYTES``."""
 BYTES: Final = 41
 """Room for the bytes of a frame of fourteen bytes."""
 
-WIDTHS: Final = (15, 5, 3, 1, 19, 12)
+IDS: Final = 3
+NAMES: Final = 24
+"""Columns that ids have, and at most with names beside them on a terminal."""
+
+WIDTHS: Final = (15, 5, IDS, 1, 19, 12)
 """Widths on a wide terminal: time, bus, id, kind, command; verdict."""
 
 UNCUT: Final = sum(WIDTHS) + len(WIDTHS) + VALUES + BYTES + 1
 """The width from which on all columns are there; a line that is not cut has at least that."""
 
-NARROW: Final = (12, 3, 1, 15, 12)
+NARROW: Final = (12, IDS, 1, 15, 12)
 """Widths on a narrow one: time, id, kind, command; verdict."""
 
 _STYLES: Final = {
@@ -100,13 +104,7 @@ class TextSink:
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
-        self._room = max(self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)), 12)
-        self._with_bytes = self._wide and self._room > VALUES + BYTES
-        self._widths = [*NARROW[:4], self._room, NARROW[4]]
-        if self._wide:
-            self._widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
-        if self._with_bytes:
-            self._widths[5:6] = [VALUES, self._room - VALUES - 1]
+        self._lay_out(IDS)
         self._headed = False
         self._bus: str | None = None
         self._shown: dict[str, str] = {}
@@ -116,8 +114,27 @@ class TextSink:
         """Take nothing."""
 
     def call(self, names: ServoNames) -> None:
-        """Take what servos are called."""
+        """Take what servos are called; where lines are wide, ids have their names beside them."""
         self._summary.names = names
+        if names and self._wide:
+            ids = IDS + 1 + max(map(len, names.known))
+            if self._is_cut:
+                ids = min(ids, NAMES)
+            else:
+                self._width += ids - IDS
+            self._lay_out(ids)
+
+    def _lay_out(self, ids: int) -> None:
+        """Say how wide the columns are, that of ids among them."""
+        room = self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)) - (ids - IDS)
+        self._room = max(room, 12)
+        self._with_bytes = self._wide and self._room > VALUES + BYTES
+        self._widths = [*NARROW[:4], self._room, NARROW[4]]
+        if self._wide:
+            self._widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
+            self._widths[2] = ids
+        if self._with_bytes:
+            self._widths[5:6] = [VALUES, self._room - VALUES - 1]
 
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what of it is written: instead of a summary of all, that is told at the end."""
@@ -133,7 +150,7 @@ class TextSink:
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
             self._diagnosis.write(bus, protocol, batch)
-            lines += self._lines(protocol, batch)
+            lines += self._lines(bus, protocol, batch)
         lines.sort(key=lambda line: line.start)
         if not lines:
             return
@@ -147,7 +164,7 @@ class TextSink:
         self._bus = bus
         self._stream.write("\n".join(self._laid_out(line, bus) for line in lines) + "\n")
 
-    def _lines(self, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
+    def _lines(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
         f = batch.frames
         verdicts = _verdicts(batch)
         rows = np.flatnonzero(meant(batch)).tolist()
@@ -177,7 +194,7 @@ class TextSink:
                 yield self._gap(batch, g.start, g.t_ns, g.reason, raw, g.detail)
         if batch.chosen is not None:
             for i in np.flatnonzero(batch.chosen("anomalies")).tolist():
-                yield self._anomaly(batch, batch.anomalies[i])
+                yield self._anomaly(batch, self._summary.names.on(bus, batch.anomalies[i]))
 
     def close(self) -> None:
         """Write the summary."""
@@ -248,7 +265,11 @@ class TextSink:
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
         time, servo, kind, op, values, verdict = cells
-        row = [time, servo.rjust(3), kind, op, values, verdict]
+        row = [time, servo.rjust(IDS), kind, op, values, verdict]
+        if self._widths[2] > IDS and servo.isdecimal():
+            name, room = self._summary.names.of(bus, int(servo)) or "", self._widths[2]
+            row[1] = f"{row[1]} {plain(name)}".rstrip()
+            row[1] = row[1] if len(row[1]) <= room else f"{row[1][: room - 1]}…"
         if self._wide:
             row.insert(1, self._shown.get(bus) or self._shown.setdefault(bus, short(plain(bus))))
         if self._with_bytes:
