@@ -23,8 +23,8 @@ BARS: Final = " ▁▂▃▄▅▆▇█"
 PLAIN_BARS: Final = " .:-=+*#@"
 """The same for a terminal that has ASCII alone."""
 
-LABEL: Final = 24
-"""Columns that stand before the bars of a histogram."""
+TOLD: Final = 18
+"""Columns of what bars tell, and of the blanks around it, behind whose they are."""
 
 
 def bars(numbers: Sequence[float], most: float | None = None) -> str:
@@ -65,19 +65,20 @@ def print_histograms(
     begin = min(int(held[0]), int(low[0]) if len(low) else int(held[0]))
     begin = max(begin - 1, int(held[0]) - 3 * BINS_SHOWN, 0)  # as a report's: three octaves of few
     size = int(held[-1]) + 2 - begin
-    room = max(min(width, 140) - LABEL - 2, 16)
+    label = max(len(f"servo {who}") for who in sums) + TOLD
+    room = max(min(width, 140) - label - 2, 16)
     per = -(-size // room)
     console.print()
     for who, (low, high) in sums.items():
         pair = [_folded(counts, begin, size, per) for counts in (low, high)]
         top = max(max(row) for row in pair)
         if pair[0] == pair[1]:
-            console.print(Text(f"  {'servo ' + who:<{LABEL - 4}}  {bars(pair[0], top)}"))
+            console.print(Text(f"  {'servo ' + who:<{label - 4}}  {bars(pair[0], top)}"))
             continue
         for row, told in zip(pair, ("took at least", "at most"), strict=True):
-            label = f"servo {who}" if told != "at most" else ""
-            console.print(Text(f"  {label:<{LABEL - 18}}{told:>14}  {bars(row, top)}"))
-    console.print(Text(" " * LABEL + _axis(begin, size, per, width - LABEL), style="dim"))
+            whose = f"servo {who}" if told != "at most" else ""
+            console.print(Text(f"  {whose:<{label - TOLD}}{told:>14}  {bars(row, top)}"))
+    console.print(Text(" " * label + _axis(begin, size, per, width - label), style="dim"))
 
 
 def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:

@@ -39,7 +39,7 @@ SHIFTS: Final = np.arange(0, LONGEST_NS + 1, STEP_NS)
 ENOUGH: Final = 50
 """Positions of a moving goal that are needed."""
 
-MOST: Final = 4096
+MOST: Final = 1024
 """So many are weighed, of the next so many every second one, of twice as many behind them every
 fourth...: a day costs little more than an hour."""
 
