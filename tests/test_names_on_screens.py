@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pytest
 from rich.cells import cell_len
 
+from sniffer.cli.open import _arguments
 from sniffer.decoding.called import ServoNames
+from sniffer.decoding.options import Options
 from sniffer.ground.model import InputError
 from sniffer.inside.detail import detail_of
 from sniffer.inside.figures import figures_of
@@ -109,6 +112,12 @@ def test_the_servos_of_a_moment_are_those_of_all_buses_that_were_heard_by_then(
     ages = {row.bus: row.age_s for row in moment_of(index, line) if row.servo in (1, 2, 3)}
     assert set(ages) == {"arm", "leg"}
     assert max(ages.values()) < 0.5, "what was told last is not that of a page before"
+
+
+def test_a_port_that_is_looked_at_is_recorded_with_the_names_that_are_told() -> None:
+    options = Options(names={3: "knee", ("arm", 1): "left elbow"})
+    called = _arguments("/dev/null", Path("x.mcap"), options)
+    assert called[-2:] == ["--name=3=knee", "--name=arm:1=left elbow"]
 
 
 @pytest.fixture

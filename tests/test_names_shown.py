@@ -117,8 +117,15 @@ def test_causes_and_what_was_found_name_the_servos(both: Path) -> None:
     assert "servo 1 sags" not in shown
 
 
-def test_what_programs_read_of_a_diagnosis_does_not_depend_on_names(both: Path) -> None:
+def test_what_programs_read_of_a_diagnosis_has_names_beside_ids_and_no_others(both: Path) -> None:
     told = json.loads(sniffer("diagnose", both, "--format", "json").out)
+    schema = json.loads(schema_path("diagnosis.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(told, schema)
+    findings = [(i["bus"], f) for i in told["incidents"] for f in i["findings"]]
+    known = {("arm", 1): LONG, ("arm", 2): "wrist", ("leg", 2): "ankle"}
+    assert {("arm", 1), ("arm", 2)} <= {(bus, f["servo_id"]) for bus, f in findings}
+    for bus, finding in findings:
+        assert finding.pop("servo_name", None) == known.get((bus, finding["servo_id"]))
     assert LONG not in json.dumps(told)
     assert any("servo 1" in incident["story"] for incident in told["incidents"])
 

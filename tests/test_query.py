@@ -13,6 +13,7 @@ import pytest
 
 import sniffer
 from sniffer.decoding.fields import tidy
+from sniffer.decoding.rows import FrameRow, GapRow
 from sniffer.sinks.relations import RELATIONS
 from tests.commands import Ran, within
 from tests.golden import CAPTURES
@@ -247,3 +248,22 @@ def test_the_library_call_gives_rows() -> None:
     answer = sniffer.query("SELECT kind, count(*) FROM frames GROUP BY kind ORDER BY kind", [ONE])
     assert answer.columns == ("kind", "count_star()")
     assert [kind for kind, _ in answer] == ["request", "response"]
+
+
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+@pytest.mark.parametrize("table", ["frames", "gaps"])
+def test_bytes_are_those_of_the_json_lines_where_a_query_names_them(
+    query: Asking, capture: Path, table: str
+) -> None:
+    kind = FrameRow if table == "frames" else GapRow
+    told = [r for r in sniffer.decode(capture) if isinstance(r, kind)]
+    rows = query.rows(f'SELECT "offset", hex FROM {table} ORDER BY ALL', capture)
+    assert [(row["offset"], row["hex"]) for row in rows] == sorted((r.offset, r.hex) for r in told)
+    assert "hex" not in query.rows(f"SELECT * FROM {table} LIMIT 1", capture)[0]
+    assert "hex" not in query.rows(f"SELECT *, hex(1) AS one FROM {table} LIMIT 1", capture)[0]
+
+
+def test_bytes_of_selected_frames_are_theirs(query: Asking) -> None:
+    rows = query.rows("SELECT hex FROM frames", ONE, "--servo", "2")
+    assert rows
+    assert all(row["hex"].startswith("ffffff02") for row in rows)

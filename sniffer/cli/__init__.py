@@ -12,7 +12,6 @@ import functools
 import importlib
 import io
 import os
-import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -26,7 +25,6 @@ from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
 from sniffer.ground.naming import worded
 from sniffer.ground.streams import silence
-from sniffer.ground.wording import and_, nearly
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -176,7 +174,9 @@ def _run(arguments: Sequence[str]) -> int:
         click.echo(error.format_message())
         return MISTAKE
     except click.ClickException as error:
-        return _tell(_with_help(error), MISTAKE)
+        from sniffer.cli.mistaken import with_help
+
+        return _tell(with_help(error), MISTAKE)
     except (_InterruptedError, click.Abort, KeyboardInterrupt):
         return _tell("interrupted", INTERRUPTED)
     except (_NobodyListensError, BrokenPipeError):
@@ -210,100 +210,6 @@ def _show_warning(
         say(str(message))
     else:
         otherwise(message, category, *where, **more)
-
-
-def _with_help(error: click.ClickException) -> str:
-    """Return what is wrong with a call, and where to read how it is right unless that is said."""
-    from sniffer.cli.profiles import blamed
-
-    told = blamed(error, error.format_message())
-    if isinstance(error, click.BadParameter) and (meant := _meant(error)):
-        return told.rstrip(".") + meant
-    if isinstance(error, click.NoSuchOption) and (why := _selects_no_rows(error)):
-        return f"No such option '{error.option_name}': {why}"
-    if (unknown := _NO_COMMAND.match(told)) and (others := _who_does(error, unknown[1])):
-        return f"{unknown[0]}: {others}"
-    vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
-    if not (vague or told.startswith("Got unexpected extra argument")):
-        return told
-    ctx = error.ctx if isinstance(error, click.UsageError) else None
-    if isinstance(error, click.NoSuchOption) and (others := _who_takes(error)):
-        told = f"No such option '{error.option_name}': {others};"
-    else:
-        told = f"{told.rstrip('.')}:"
-    return f"{told} see `{ctx.command_path if ctx else 'sniffer'} --help`"
-
-
-_NO_COMMAND: Final = re.compile(r"No such command '([^']+)'")
-
-
-def _who_does(error: click.ClickException, word: str) -> str:
-    """Return which commands say of themselves in a line that they do what a word says."""
-    group = error.ctx.command if isinstance(error, click.UsageError) and error.ctx else None
-    if not isinstance(group, click.Group):
-        return ""
-    told = {name: command.get_short_help_str(200) for name, command in group.commands.items()}
-    does = [n for n, line in told.items() if word.lower() in re.findall(r"\w+", line.lower())]
-    if not 0 < len(does) <= _FEW:
-        return ""
-    meant = [f"'{name}' ({told[name].rstrip('.')})" for name in does]
-    return f"did you mean {' or '.join(meant)}?"
-
-
-_FEW: Final = 3
-"""More commands than that are not named: nobody could choose."""
-
-
-def _who_takes(error: click.NoSuchOption) -> str:
-    """Return which other commands have an option, where they are few."""
-    group = error.ctx.parent.command if error.ctx and error.ctx.parent else None
-    if not isinstance(group, click.Group):
-        return ""
-    takers = [
-        f"`sniffer {name}`"
-        for name, command in group.commands.items()
-        if any(error.option_name in (*p.opts, *p.secondary_opts) for p in command.params)
-    ]
-    if not 0 < len(takers) <= _FEW:
-        return ""
-    return f"{and_(takers)} {'take' if len(takers) > 1 else 'takes'} it"
-
-
-_JUDGES: Final = (
-    "all that was said is judged; `sniffer decode` and `sniffer stats` take rows, --from and --to "
-    "a part here, too"
-)
-_NO_ROWS: Final = {
-    "diagnose": _JUDGES,
-    "report": _JUDGES,
-    "check": _JUDGES,
-    "cut": "a part has every byte of its buses; `sniffer convert FILE x.log` writes frames alone",
-}
-"""Why commands that read captures select no rows."""
-
-
-def _selects_no_rows(error: click.NoSuchOption) -> str | None:
-    """Return why a command has none of the options that select rows in others."""
-    from sniffer.cli.selecting import row_options
-
-    name = error.ctx.command.name if error.ctx else None
-    return _NO_ROWS.get(name or "") if error.option_name in row_options() else None
-
-
-_FILES: Final = ("csv", "parquet", "mcap", "rrd", "log", "bin", "hex")
-"""What many look for among the forms of text: the suffixes of files."""
-
-
-def _meant(error: click.BadParameter) -> str:
-    """Return the question whether another of an option's words was meant, or nothing."""
-    words = getattr(error.param.type if error.param else None, "choices", ())
-    given = re.match(r"'([^']*)' is not one of", error.message)
-    if not given or not words:
-        return ""
-    suffix = {"candump": "log"}.get(given[1], given[1])
-    if error.ctx and error.ctx.command.name == "decode" and suffix in _FILES:
-        return f"; files are made by `sniffer convert FILE x.{suffix}`"
-    return nearly(given[1], map(str, words))
 
 
 def _failed(error: Exception) -> int:

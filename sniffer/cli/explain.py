@@ -78,7 +78,8 @@ def explain(
 
     FILE@12175 draws the frame of a capture that has this byte, behind the request that it answers;
     FILE@arm:12175 where there are several buses. FILE@first-error, FILE@first-error:servo=3,
-    FILE@no-response:3 and FILE@anomaly:7 draw what was wrong there.
+    FILE@no-response:3 and FILE@anomaly:7 draw what was wrong there; FILE@-5s, FILE@20:35:20.5 and
+    FILE@12.5 what was said first from that time on.
 
     Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
     LSS lines may be given as text.

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here
+from sniffer.cli.profiles import OF_BUS
 from sniffer.cli.selecting import with_rows, with_start
 from sniffer.cli.statuses import DONE
 from sniffer.cli.streams import say
@@ -99,4 +100,7 @@ def _arguments(port: str, path: Path, options: Options) -> list[str]:
         told.append(("latency", options.latency_ns / 1e6))
     for who, model in options.models.items():
         told.append(("model", model if who is None else f"{who}={model}"))
+    for servo, name in options.names.items():
+        called = servo if isinstance(servo, int) else OF_BUS.join(map(str, servo))
+        told.append(("name", f"{called}={name}"))
     return [port, "--quiet", f"--output={path}", *(f"--{name}={value}" for name, value in told)]

@@ -146,6 +146,28 @@ def evidence_at(place: CapturePlace, opened: Source, options: Options) -> tuple[
     return finder.evidence[place]
 
 
+def record_at(place: CapturePlace, opened: Source, options: Options) -> tuple[str, int]:
+    """Return the bus and the first byte of what was said first from a time on.
+
+    Raises:
+        InputError: nothing was, or the input has no clock for what was written.
+    """
+    asked = Extract(start=place).sought_in(opened, options)
+    first, quiet = _First(), Teller(lambda line: None, quiet=True)
+    pipeline = Pipeline(options, [first])
+    pipeline.narrowing = asked.narrowing([], quiet)
+    with contextlib.suppress(DamagedInputError):
+        for group in merged(opened, opened, options, quiet):
+            pipeline.feed(group)
+            if first.found is not None:
+                break
+    if first.found is None:
+        pipeline.close()
+    if first.found is None:
+        raise InputError(f"{place.text}: nothing was said from there on")
+    return first.found[1:]
+
+
 def _look(finder: _Finder, opened: Source, options: Options) -> None:
     """Read a source as far as need be."""
     pipeline = Pipeline(options, [finder])
@@ -166,6 +188,26 @@ def _words(place: CapturePlace) -> str:
     if place.sought == END:
         return f"{place.number / 1e9:g} s before its end"
     return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
+
+
+class _First:
+    """A sink that keeps where what came first stands: its time, its bus, its first byte."""
+
+    found: tuple[int, str, int] | None = None
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Look at the first frame and the first gap."""
+        f, gaps = batch.frames, Gaps.of(batch.gaps)
+        for start, t_ns in ((f.start, f.t_end), (gaps.start, gaps.t_ns)):
+            if len(start):
+                one = int(t_ns[0]), bus, int(start[0]) + batch.base
+                self.found = one if self.found is None else min(self.found, one)
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 class _Finder:

@@ -50,7 +50,11 @@ class Diagnosed:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
-        return {"incidents": [i.as_dict() for i in self.incidents], "judged": self.judged}
+        told = [i.as_dict() for i in self.incidents]
+        for incident in told if self.names else ():
+            bus = incident["bus"]
+            incident["findings"] = [self.names.beside(bus, each) for each in incident["findings"]]
+        return {"incidents": told, "judged": self.judged}
 
 
 def diagnose(

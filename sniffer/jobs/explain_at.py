@@ -16,11 +16,11 @@ from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
-from sniffer.jobs.asked import evidence_at
+from sniffer.jobs.asked import evidence_at, record_at
 from sniffer.jobs.order import merged
 from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import names_anomaly, place_in
+from sniffer.selection.places import END, FOUND, names_anomaly, place_in
 from sniffer.sources import open_source
 from sniffer.sources.several import name_of
 
@@ -40,8 +40,14 @@ TOLD_MOST: Final = 6
 _PLACE: Final = re.compile(r"(?P<path>.+)@(?:(?P<bus>[^@:/]+):)?(?P<offset>[0-9]{1,17})", re.DOTALL)
 
 
+_TIME: Final = re.compile(r"-?[0-9.]")
+"""Begins a time: no code does."""
+
+
 def place_of(text: str) -> tuple[Path, CapturePlace]:
-    """Return file and place of ``FILE@12175``, ``FILE@arm:12175`` or ``FILE@no-response:3``.
+    """Return file and place of ``FILE@12175``, ``FILE@arm:12175``, ``FILE@no-response:3``.
+
+    A time, as in ``FILE@-5s`` or ``FILE@20:35:20.5``, is the first thing said from there on.
 
     A bus that is called like a code is named as in ``FILE@byte:no-response:12175``.
 
@@ -56,7 +62,8 @@ def place_of(text: str) -> tuple[Path, CapturePlace]:
             place = f"byte:{bus}:{match['offset']}" if bus else f"byte:{match['offset']}"
     if not path:
         raise InputError(f"{text[:60]!r}: write a place in a capture as FILE@12175")
-    return Path(path), place_in(f"@{place}")
+    is_time = match is None and _TIME.match(place)
+    return Path(path), place_in(place if is_time else f"@{place}")
 
 
 def explain_at(
@@ -79,12 +86,15 @@ def explain_at(
     bus, offset = place.bus or None, place.number
     told: list[str] = []
     of_byte = place.sought == "byte"
+    of_time = place.kind != FOUND or place.sought == END
     with (
         undecided_of(name_of(source)),
         open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened,
     ):
         options = options.with_facts(opened.facts(), opened.tables)
-        if not of_byte:
+        if of_time:
+            bus, offset = record_at(place, opened, options)
+        elif not of_byte:
             bus, offset, *told = evidence_at(place, opened, options)
         finder = _AtByte(bus, offset)
         pipeline = Pipeline(options, [finder])
@@ -105,7 +115,7 @@ def explain_at(
     ((name, pieces),) = finder.found.items()
     head = f"{source}, byte {offset} of {name}"
     found = list(dict.fromkeys(finder.remarks[name]))
-    if of_byte and found:
+    if (of_byte or of_time) and found:
         more = f"; and {len(found) - TOLD_MOST} more" if len(found) > TOLD_MOST else ""
         head += f": {'; '.join(found[:TOLD_MOST])}{more}"
     out = [head, *told]

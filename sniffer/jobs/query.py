@@ -46,6 +46,9 @@ _SHOW: Final = re.compile(r"\s*SHOW\b", re.IGNORECASE)
 
 _WORDS: Final = re.compile(r"\w+")
 
+_BYTES: Final = re.compile(r"\bhex\b(?!\s*\()", re.IGNORECASE)
+"""What asks for the column ``hex``; with a parenthesis it is DuckDB's function."""
+
 _END: Final = re.compile(r";\s*(--[^\n]*)?\s*\Z")
 """Where a statement ends, with what is remarked behind."""
 
@@ -130,6 +133,7 @@ def query(
         sink = RelationSink(
             [name for name in RELATIONS if name in named],
             file=as_text(name_of(source)) if len(sources) > 1 else None,
+            has_bytes=_BYTES.search(sql) is not None,
         )
         done = hear_part(
             source,

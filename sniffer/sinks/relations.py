@@ -167,6 +167,13 @@ RELATIONS: Final[Mapping[str, _Relation]] = MappingProxyType(
 """The tables that SQL may name."""
 
 
+HEX = always("hex", pa.string())
+"""The column of bytes, as the JSON lines have them."""
+
+HAVING_BYTES: Final = ("frames", "gaps")
+"""Tables whose rows are bytes of the stream."""
+
+
 def plain_schema(schema: Any) -> Any:
     """Return a schema in types that every reader has: Spark and Delta lack some.
 
@@ -181,6 +188,13 @@ def no_relation(name: str) -> str:
     near = difflib.get_close_matches(name, RELATIONS, 1)
     advice = f"did you mean {near[0]}?" if near else f"one of {', '.join(RELATIONS)}"
     return f"there is no table {name[:40]!r}: {advice}"
+
+
+def _hex(table: Any, batch: Batch) -> Any:
+    """Return the bytes of frames or gaps of a batch, by where they stand."""
+    begin = (table["offset"].to_numpy() - batch.base).tolist()
+    spans = zip(begin, table["length"].to_pylist(), strict=True)
+    return pa.array([batch.data[at : at + n].hex() for at, n in spans], pa.string())
 
 
 def _called(table: Any, names: ServoNames) -> Any:
@@ -204,11 +218,15 @@ class RelationSink:
     """A sink that keeps the tables that are asked for, all their rows that are shown.
 
     ``file`` stands in a column of that name, in front of the others; None: there is no such column.
+    ``has_bytes``: frames and gaps have their bytes, in hex, which take more room than all the rest.
     """
 
-    def __init__(self, names: Iterable[str], file: str | None = None) -> None:
+    def __init__(
+        self, names: Iterable[str], file: str | None = None, *, has_bytes: bool = False
+    ) -> None:
         self._parts: dict[str, list[Any]] = {name: [] for name in names}
         self._file = file
+        self._has_bytes = has_bytes
         self._names = ServoNames()
 
     def call(self, names: ServoNames) -> None:
@@ -222,6 +240,8 @@ class RelationSink:
         """Add the batch's rows."""
         for name, parts in self._parts.items():
             table = RELATIONS[name].build(bus, protocol, batch)
+            if self._has_bytes and name in HAVING_BYTES:
+                table = table.append_column(HEX, _hex(table, batch))
             if len(table):
                 parts.append(table)
 
@@ -237,7 +257,10 @@ class RelationSink:
         """Return the tables by name."""
         out = {}
         for name, parts in self._parts.items():
-            table = pa.concat_tables([RELATIONS[name].schema.empty_table(), *parts])
+            schema = RELATIONS[name].schema
+            if self._has_bytes and name in HAVING_BYTES:
+                schema = schema.append(HEX)
+            table = pa.concat_tables([schema.empty_table(), *parts])
             if self._names and "servo_id" in table.column_names:
                 table = table.append_column(SERVO_NAME, _called(table, self._names))
             if self._file is not None:
