@@ -254,3 +254,33 @@ def test_frames_of_another_make_are_no_line_that_falls_though_they_come_for_seco
             talk.rest(0.5)
 
     assert "line-babbles" not in codes(robot("rs30x", 14, rate_hz=20, behind=behind).diagnosed())
+
+
+def held_within_answers(wait_ms: float) -> set[str]:
+    """A line falls low within answers and stays so; servo 1 answers garbled, and who asks waits."""
+    rng = random.Random(3)
+    talk = Conversation("rs30x")
+    for cycle in range(500):
+        talk.until(cycle / 40)
+        for servo in (1, 2, 3):
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            answer = talk.tongue.answer(servo, 0.4)
+            if servo == 3 and cycle in (60, 130, 190):
+                talk.say(answer[: rng.randint(4, 8)] + b"\0")
+                talk.rest(400)
+            elif servo == 1 and cycle > 250 and rng.random() < 0.5:
+                talk.say(turned(rng, answer[:-1] + b"\0"))
+                talk.rest(wait_ms)
+            else:
+                talk.say(answer)
+                talk.rest(2)
+    return codes(talk.diagnosed())
+
+
+def test_a_silence_longer_than_anybody_waits_for_an_answer_is_the_lines() -> None:
+    assert "held-low" in held_within_answers(4)
+
+
+def test_a_silence_as_long_as_the_controller_waits_for_answers_is_the_controllers() -> None:
+    assert "held-low" not in held_within_answers(400)

@@ -123,6 +123,31 @@ def test_signs_of_any_bit_that_stand_in_no_line_are_noise() -> None:
     assert not {"same-bit", "late-bits", "one-way-bits"} & codes(told)
 
 
+def test_first_bytes_among_much_of_which_nobody_knows_where_it_is_torn_are_no_turn() -> None:
+    rng = random.Random(12)
+
+    def garbled(frame: bytes) -> bytes:
+        k = rng.randrange(2, len(frame) - 2)
+        return frame[:k] + rng.randbytes(len(frame) - k + 2)
+
+    talk = Conversation("rs30x")
+    for cycle in range(900):
+        talk.until(cycle / 60)
+        servo = SERVOS[cycle % 3]
+        if rng.random() < 0.06:
+            talk.say(garbled(talk.tongue.ask(servo)))
+            talk.rest(10)
+            continue
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.4)
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        torn = rng.random()
+        talk.say(answer[1:] if torn < 0.015 else garbled(answer) if torn < 0.07 else answer)
+    told = talk.diagnosed()
+    assert "first-byte-torn" in codes(told)
+    assert "turnaround" not in [cause for cause, _ in verdicts(told.incidents())]
+
+
 def bare_answers_in_a_log(*, late_by_a_byte: bool) -> set[str]:
     """Return what is found where one byte is left of bare answers, written down as a text log."""
     rng = random.Random(4)

@@ -64,7 +64,7 @@ def ends(case: Case) -> Iterator[Finding]:
             first,
             f"{len(first)} of {len(answers)} torn answers lack their first byte, or it is wrong",
             "the first byte of answers is torn",
-            min(0.4 + 0.1 * len(first), 1.0),
+            _strength(first, answers),
         )
     last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
     if _mostly(last, requests):
@@ -73,7 +73,7 @@ def ends(case: Case) -> Iterator[Finding]:
             last,
             f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
             "the last byte of requests is torn",
-            min(0.4 + 0.1 * len(last), 1.0),
+            _strength(last, requests),
         )
 
 
@@ -130,6 +130,11 @@ def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
     """Tell whether most of the torn frames of which one knows where they are torn are these."""
     known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
     return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
+
+
+def _strength(some: Sequence[Misread], torn: Sequence[Misread]) -> float:
+    """Return how much it counts: where one does not know of most where they are torn, it is little."""
+    return min(0.4 + 0.1 * len(some), 1.0) * min(len(some) / (MOST * len(torn)), 1.0)
 
 
 def _hit_in_front(m: Misread) -> bool:

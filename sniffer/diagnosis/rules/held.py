@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,7 +25,7 @@ FINDINGS: Final = (
         "held-low",
         "line",
         "The line falls low, and nobody says anything for long: a byte of 00, then silence.",
-        "At least twice a 00 that no frame claims, behind which it is silent for longer than the controller ever is, or stray bytes that are nearly all 00 and breaks.",
+        "At least twice a 00 that no frame claims, behind which it is silent for longer than the controller ever is (in half of the cases at least no answer is cut, or it never waits for one so long), or stray bytes that are nearly all 00 and breaks.",
     ),
     FindingCode(
         "held-value",
@@ -47,6 +48,11 @@ LONG_NS: Final = 20_000_000
 
 LONGER: Final = 1.5
 """How many times the controller's own pauses a silence must be."""
+
+FAILED: Final = 20
+MOST: Final = 0.9
+"""Answers that failed from which on it is known how long the controller waits behind such, and the part
+of them behind which it does not wait longer."""
 
 NEARLY: Final = 0.7
 """Part of the stray bytes that must be 00."""
@@ -95,7 +101,8 @@ def held_low(case: Case) -> Iterator[Finding]:
     usual = case.ledger.exchanges.idle.at(0, 0.98)
     least = max(LONG_NS, LONGER * (usual.high if usual is not None else LONG_NS))
     silent = [d for d in zeros if d.until_ns > least + case.latency_ns] if case.has_clock else []
-    if sum(d.turn == IN_IDLE for d in silent) < len(silent) / 2:
+    longer = _in_vain(case)
+    if sum(d.turn == IN_IDLE or d.until_ns > longer for d in silent) < len(silent) / 2:
         silent = []  # torn answers end as they may, and a controller waits behind them
     alone = [d for d in zeros if d.got == b"\0" and d.turn == IN_IDLE]
     strays = sum(d.turn == IN_IDLE for d in case.damages)
@@ -117,6 +124,14 @@ def held_low(case: Case) -> Iterator[Finding]:
         min(0.4 + 0.15 * len(silent) + 0.1 * len(lone), 1.0),
         max(d.until_ns for d in found),
     )
+
+
+def _in_vain(case: Case) -> float:
+    """Return for how long the controller hardly ever waits behind answers that failed."""
+    waits = [f.wait_ns for f in case.ledger.exchanges.failed]
+    if len(waits) < FAILED:
+        return math.inf
+    return LONGER * float(np.quantile(waits, MOST)) + case.latency_ns
 
 
 def held_value(case: Case) -> Iterator[Finding]:
