@@ -240,3 +240,33 @@ def test_a_line_that_falls_all_the_time_is_not_full() -> None:
         if rng.random() < 0.005:
             talk.say(talk.tongue.ask(1))
     assert "bus-full" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize(("protocol", "more_ms"), [("wck", 2.0), ("wck", 0.3), ("mightyzap", 4.0)])
+def test_a_slow_servo_is_told_by_the_ends_of_answers_where_nobody_stated_the_rate(
+    protocol: str, more_ms: float
+) -> None:
+    """Answers of one length take as long at any rate; when they began is unsure by all of that."""
+
+    def slowly(talk: Conversation, cycle: int, servo: int) -> bool:
+        del cycle
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3 + (more_ms if servo == 2 else 0.0))
+        talk.say(talk.tongue.answer(servo, place))
+        talk.rest(0.4)
+        return True
+
+    talk = robot(protocol, 10, rate_hz=20, baud=57600, instead=slowly)
+    rows = [replace(c, clock=Clock.FILE, t_ns=(c.t_ns or 0) // 1000 * 1000) for c in talk.chunks]
+    expected = [("slow-servo", (2,))] if more_ms > 1 else []
+    assert verdicts(diagnosed(rows, protocol).incidents()) == expected
+
+
+def test_text_lines_that_differ_in_length_make_no_servo_slow_where_the_rate_is_unsure() -> None:
+    def places(servo: int, s: float) -> float:
+        return 0.5 if servo == 1 else 0.04 + 0.02 * (int(s) % 2)  # *1QD0 and *2QD-864
+
+    talk = robot("lss", 10, rate_hz=10, baud=9600, path=places)
+    rows = [replace(c, clock=Clock.FILE, t_ns=(c.t_ns or 0) // 1000 * 1000) for c in talk.chunks]
+    assert "slower-than-peers" not in codes(diagnosed(rows, "lss"))

@@ -11,9 +11,10 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.histograms import Histograms
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -21,7 +22,7 @@ FINDINGS: Final = (
         "slower-than-peers",
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
-        "A tenth of its answers or more, five at least, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them).",
+        "A tenth of its answers or more, five at least, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
     ),
     FindingCode(
         "slower-than-its-delay",
@@ -56,41 +57,89 @@ class _Slow(NamedTuple):
     usual_ns: int
     peers_ns: int
     too_long_ns: int
+    ends: bool
+    """Whether that is until its answers end."""
+
+
+class _Times(NamedTuple):
+    """How long the likes of one request take, by servo: a row of a histogram each."""
+
+    op: int
+    rows: Mapping[int, int]
+    spare_ns: int
+    """By how much more they may differ though none is slow."""
 
 
 def slow(case: Case) -> Iterator[Finding]:
     """Servos slower than their peers."""
     if not case.has_clock:
         return
-    took = case.ledger.took
-    by_op: dict[int, list[int]] = {}
-    for key in took.keys:
-        by_op.setdefault(key & 0xFFFFFFFF, []).append(key)
+    found = _slower(case, *_to_the_beginning(case), ends=False)
+    if not found and case.ledger.exchanges.slower_ns:
+        found = _slower(case, *_to_the_end(case), ends=True)
+    for servo, several in found.items():
+        yield _finding(case, servo, several)
+
+
+def _slower(
+    case: Case, told: Histograms, likes: Sequence[_Times], *, ends: bool
+) -> dict[int, list[_Slow]]:
+    """Return the servos that are slower than their peers, in most of what they are asked."""
     found: dict[int, list[_Slow]] = {}
     fair: dict[int, int] = {}
-    for op, keys in by_op.items():
-        for key in keys:
-            servo, count = (key >> 32) - 1, took.count(key)
-            peers = sorted(b for k in keys if k != key and (b := took.at(k, PEERS)) is not None)
+    for one in likes:
+        for servo, key in one.rows.items():
+            count = told.count(key)
+            peers = sorted(
+                b for k in one.rows.values() if k != key and (b := told.at(k, PEERS)) is not None
+            )
             if servo not in case.servos or not peers or count < LEAST:
                 continue
             fast = peers[(len(peers) - 1) // 2]
-            too_long = max(fast.high, fast.low + MORE_NS, round(TIMES * fast.low))
-            late = took.above(key, too_long)
+            more = MORE_NS + one.spare_ns
+            too_long = max(fast.high, fast.low + more, round(TIMES * fast.low))
+            late = told.above(key, too_long)
             if late >= max(LEAST, SHARE * count):
-                usual = took.at(key, 0.5)
+                usual = told.at(key, 0.5)
                 assert usual is not None
                 found.setdefault(servo, []).append(
-                    _Slow(op, late, count, usual.low, fast.high, too_long)
+                    _Slow(one.op, late, count, usual.low, fast.high, too_long, ends)
                 )
             else:
                 fair[servo] = fair.get(servo, 0) + count
     if len(found) > len(case.answering) / 2:  # then it is the others that are fast
-        return
-    for servo, several in found.items():
-        if sum(s.of for s in several) < fair.get(servo, 0):
-            continue
-        yield _finding(case, servo, several)
+        return {}
+    return {
+        servo: several
+        for servo, several in found.items()
+        if sum(s.of for s in several) >= fair.get(servo, 0)
+    }
+
+
+def _to_the_beginning(case: Case) -> tuple[Histograms, list[_Times]]:
+    """Return how long servos take to begin their answers, by command."""
+    took = case.ledger.took
+    by_op: dict[int, dict[int, int]] = {}
+    for key in took.keys:
+        by_op.setdefault(key & 0xFFFFFFFF, {})[(key >> 32) - 1] = key
+    return took, [_Times(op, rows, 0) for op, rows in by_op.items()]
+
+
+def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
+    """Return how long servos take to end their answers: that needs no rate, which nobody stated.
+
+    Answers of one length take as long at any; where there are several they may differ by that.
+    """
+    exchanges = case.ledger.exchanges
+    kinds, lengths = exchanges.kinds, np.flatnonzero(exchanges.answer_lengths)
+    differ = int(lengths[-1] - lengths[0]) if len(lengths) else 0
+    byte_ns = case.ledger.byte_ns + exchanges.slower_ns
+    spare = max(case.latency_ns - MORE_NS, 0) + differ * byte_ns
+    likes: dict[tuple[int, int, int], dict[int, int]] = {}
+    for k in range(len(kinds)):
+        alike = kinds.op[k], kinds.address[k], kinds.odd[k]
+        likes.setdefault(alike, {})[kinds.servo_id[k]] = k
+    return exchanges.spans, [_Times(op, rows, spare) for (op, *_), rows in likes.items()]
 
 
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
@@ -104,6 +153,7 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         if len(rows)
         else (case.first_ns, case.last_ns)
     )
+    done, come = ("end its answer to", "end") if worst.ends else ("answer", "come")
     word = case.protocol.op_name(worst.op)  # its last 32 bits, which hold any usual word
     return Finding(
         "slower-than-peers",
@@ -111,9 +161,9 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         first,
         last,
         sum(s.slow for s in several),
-        f"servo {servo} takes at least {worst.usual_ns / 1e6:.2f} ms to answer {word} in the "
+        f"servo {servo} takes at least {worst.usual_ns / 1e6:.2f} ms to {done} {word} in the "
         f"middle, {worst.slow} of {worst.of} times longer than it should; nine tenths of another "
-        f"servo's answers come within {worst.peers_ns / 1e6:.2f} ms",
+        f"servo's answers {come} within {worst.peers_ns / 1e6:.2f} ms",
         tuple(
             Place(int(a["at"][r]), 1, int(a["t_first"][r]), "a slow answer's request")
             for r in rows[:3]
