@@ -63,7 +63,7 @@ def _print_bus(
 def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
     place = "last at byte" if began_ns is None else "last at s"
     columns = ("register", "servos", "first", "last", "said", "changes", place)
-    table = Tabulated(*columns, left=("register", "servos", "first", "last"))
+    table = Tabulated(*columns, left=("servos", "first", "last"), whole=("register",))
     alike: dict[tuple[str, str, str], list[HeldRegister]] = {}
     for held in sorted(rows, key=lambda h: (h.register.address, h.register.name, h.servo_id)):
         first, last = _shown(held, held.first), _shown(held, held.last)
@@ -99,8 +99,8 @@ def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str:
 def _shown(held: HeldRegister, said: Said) -> str:
     named = held.register.names(said.raw)
     if named is not None:
-        named = ", ".join(named) if isinstance(named, list) else named
-        return glued(f"{named} ({said.raw})") if named else str(said.raw)
+        words = named if isinstance(named, list) else [named]
+        return ", ".join(map(glued, words)) + f" ({said.raw})" if words else str(said.raw)
     if math.isnan(said.value):
         return str(said.raw)
     unit = word_of(held.register.unit)

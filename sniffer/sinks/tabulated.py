@@ -17,11 +17,15 @@ ROOMY: Final = 100
 
 
 class Tabulated:
-    """Rows under headings: what is a word stands left and is folded, numbers stand right."""
+    """Rows under headings: what is a word stands left and is folded, numbers stand right.
 
-    def __init__(self, *columns: str, left: Iterable[str] = ()) -> None:
+    ``whole`` are columns of words that are not folded: what is looked for by its name.
+    """
+
+    def __init__(self, *columns: str, left: Iterable[str] = (), whole: Iterable[str] = ()) -> None:
         self._columns = [*columns]
         self._left = frozenset(left)
+        self._whole = frozenset(whole)
         self.rows: list[tuple[Text | str, ...]] = []
 
     def add_column(self, name: str, *, left: bool = False) -> None:
@@ -37,7 +41,9 @@ class Tabulated:
         """Return the first rows."""
         out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2 if width >= ROOMY else 1))
         for column in self._columns:
-            if column in self._left:
+            if column in self._whole:
+                out.add_column(column, no_wrap=True)
+            elif column in self._left:
                 out.add_column(column, overflow="fold")
             else:
                 out.add_column(column, justify="right", no_wrap=True)
