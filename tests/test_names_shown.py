@@ -271,6 +271,18 @@ def test_differences_of_two_runs_name_the_servos(tmp_path: Path) -> None:
         assert one.get("servo_name") == ("elbow" if one["servo_id"] == 3 else None)
 
 
+def test_names_that_only_the_second_run_has_are_told_of_the_bus_it_is_compared_with(
+    tmp_path: Path,
+) -> None:
+    log, b = tmp_path / "without.log", tmp_path / "b.mcap"
+    assert sniffer("convert", CLEAN, log, "-q", "--where", "servo_id <> 3").status == 0
+    log.write_text(log.read_text().replace("bus0", "left"))
+    told = ("--name", "left:3=elbow", "--protocol", "mightyzap")
+    assert sniffer("convert", log, b, "-q", *told).status == 0
+    assert "bus0 servo 3 elbow: it is asked in A only" in sniffer("diff", CLEAN, b).out
+    assert "left servo 3 elbow: it is asked in B only" in sniffer("diff", b, CLEAN).out
+
+
 def test_each_run_of_a_picture_of_two_has_its_own_names(tmp_path: Path) -> None:
     arm = tmp_path / "arm.mcap"
     assert sniffer("decode", DAMAGED, "-q", "--name", "1=elbow", "-o", arm).status == 0
