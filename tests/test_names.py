@@ -10,6 +10,8 @@ import pytest
 
 from sniffer.decoding.called import Named, ServoNames, name_facts, names_in, overlaid
 from tests.commands import sniffer
+from tests.recorder import Recorder, said_by, say_slowly
+from tests.terminals import LINUX_ONLY, Terminal
 
 DAMAGED: Final = "sample_captures/mightyzap_damaged.log"
 CLEAN: Final = "sample_captures/mightyzap_clean.log"
@@ -168,3 +170,22 @@ def test_data_sets_of_names_of_a_bus_decode_with_them(tmp_path: Path) -> None:
     assert json.loads(write_recipe(Options(names={3: "knee"}), None, "auto"))["names"] == [
         [3, "knee"]
     ]
+
+
+@LINUX_ONLY
+def test_a_recorder_shows_names_selects_by_them_and_keeps_them(tmp_path: Path) -> None:
+    with Terminal() as one, Terminal() as two:
+        ports = ("arm={}=mightyzap@57600", "leg={}=mightyzap@57600")
+        told = ("--name", "arm:1=elbow", "--name", "1=knee", "--log", "--servo", "elbow")
+        with Recorder(tmp_path, *ports, *told, lines=[one, two]) as run:
+            for line in (one, two):
+                say_slowly(line, said_by("mightyzap", 1, 0.4), 60)
+            ran = run.stop()
+    assert ran.status == 0
+    assert recorded_names(tmp_path / "run.mcap") == {"name.arm.1": "elbow", "name.1": "knee"}
+    lines = [line for line in ran.out.splitlines() if " load_data " in line]
+    assert lines
+    assert all(" arm " in line and "  1 elbow " in line for line in lines)
+    shown = sniffer("stats", tmp_path / "run.mcap").out
+    assert "1 elbow" in shown
+    assert "1 knee" in shown

@@ -257,6 +257,26 @@ def test_verdicts_on_rules_name_the_servo_that_decided(both: Path, tmp_path: Pat
     assert "heard of servo 9" in told
 
 
+@pytest.mark.parametrize(
+    ("rule", "told"),
+    [
+        (f'servos = ["{LONG}"]', f"voltage of arm servo 1 {LONG} is 6.9 V"),
+        ('servos = ["wrist"]\nbus = "arm"', "voltage of arm servo 2 wrist is 11.6 V"),
+        ('servos = ["ankle"]', "voltage of leg servo 2 ankle is"),
+        ('servos = ["ancle"]', "rule 'x': servos: no servo is called 'ancle': did you mean ankle?"),
+        ('servos = ["ankle"]\nbus = "arm"', "rule 'x': no servo of arm is called 'ankle'"),
+        (f'servos = ["{LONG}", "ankle"]', "rule 'x': its servos are those of arm and leg: write"),
+    ],
+)
+def test_rules_of_a_check_may_name_servos(rule: str, told: str, both: Path, tmp_path: Path) -> None:
+    rules = tmp_path / "rules.toml"
+    value = 'name = "x"\nwhat = "value"\nquantity = "voltage"\nabove = 11'
+    rules.write_text(f"[[rule]]\n{value}\n{rule}\n")
+    done = sniffer("check", both, "--rules", rules)
+    assert told in done.out + done.err
+    assert done.status == (2 if told.startswith("rule") else 1 if "6.9" in told else 0)
+
+
 def test_differences_of_two_runs_name_the_servos(tmp_path: Path) -> None:
     without = tmp_path / "without.log"
     assert sniffer("convert", CLEAN, without, "-q", "--where", "servo_id <> 3").status == 0
@@ -269,6 +289,18 @@ def test_differences_of_two_runs_name_the_servos(tmp_path: Path) -> None:
     jsonschema.validate(found, schema)
     for one in found["differences"]:
         assert one.get("servo_name") == ("elbow" if one["servo_id"] == 3 else None)
+
+
+def test_names_that_only_the_second_run_has_are_told_of_the_bus_it_is_compared_with(
+    tmp_path: Path,
+) -> None:
+    log, b = tmp_path / "without.log", tmp_path / "b.mcap"
+    assert sniffer("convert", CLEAN, log, "-q", "--where", "servo_id <> 3").status == 0
+    log.write_text(log.read_text().replace("bus0", "left"))
+    told = ("--name", "left:3=elbow", "--protocol", "mightyzap")
+    assert sniffer("convert", log, b, "-q", *told).status == 0
+    assert "bus0 servo 3 elbow: it is asked in A only" in sniffer("diff", CLEAN, b).out
+    assert "left servo 3 elbow: it is asked in B only" in sniffer("diff", b, CLEAN).out
 
 
 def test_each_run_of_a_picture_of_two_has_its_own_names(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def check(
         source, input_format, again=window is not None, wiring=options.wired
     ) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
+        asked = tuple(rule.meant(options.called) for rule in asked)
         found = hear(
             opened, options, name=name_of(source), tell=tell, patience=patience, window=window
         )

@@ -199,7 +199,12 @@ def diff(
     first, second = runs
     if selection is not None and not any(run.frames.total() for run in runs):
         raise InputError(f"{selection.text}: neither run has any of it")
-    _match(first, second, str(a), str(b))
+    of_b = _match(first, second, str(a), str(b))
+    names_a, names_b = (run.options.names for run in two)
+    if of_b is not None:  # the names of one bus are those of the bus that it is compared with
+        (shown,) = first.frames
+        on_b = two[1].options.called.on_bus(of_b)
+        names_b = {(shown, servo): name for servo, name in on_b.items()}
     found, tests = differences(first, second)
     lost = () if output is None else gone([output], tell)
     worst = max(endings, key=list(Ending).index)
@@ -213,7 +218,7 @@ def diff(
         told,
         lost,
         texts if differ else (),
-        ServoNames(overlaid(two[1].options.names, two[0].options.names)),
+        ServoNames(overlaid(names_b, names_a)),
     )
 
 
@@ -317,8 +322,10 @@ class _Named:
         """Do nothing."""
 
 
-def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:
+def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> str | None:
     """Give the only bus of each run, or the only one of which something is selected, one name.
+
+    Return what that bus of the second run was called, None where several are compared.
 
     Raises:
         InputError: they have none in common.
@@ -328,10 +335,13 @@ def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:
         for run, (bus,) in zip((a, b), asked, strict=True):
             run.keep(bus)
     if len(a.frames) == 1 and len(b.frames) == 1:
-        b.rename(next(iter(b.frames)), next(iter(a.frames)))
+        called = next(iter(b.frames))
+        b.rename(called, next(iter(a.frames)))
+        return called
     if not a.frames.keys() & b.frames.keys():
         told = "{a} has {has_a}, {b} has {has_b}: no bus in common"
         told += "; name one of each: {buses:{x},{y}}"
         has_a, has_b = (and_(list(run.frames)) for run in (a, b))
         x, y = (next(iter(run.frames)) for run in (a, b))
         raise InputError(Sentence(told, a=name_a, b=name_b, has_a=has_a, has_b=has_b, x=x, y=y))
+    return None

@@ -8,20 +8,24 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.called import is_name
 from sniffer.decoding.durations import FIGURES
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import IDS
-from sniffer.ground.model import Severity, SnifferError
+from sniffer.ground.model import InputError, Severity, SnifferError
 from sniffer.ground.toml import text_of
+from sniffer.ground.wording import and_, spelled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+    from sniffer.decoding.called import ServoNames
 
 BOUNDS: Final = ("below", "at_most", "above", "at_least")
 """What a rule may ask of a figure; one of them or two."""
@@ -97,6 +101,35 @@ class Rule:
     bus: str = ""
     servos: tuple[int, ...] = ()
     is_lenient: bool = False
+    called: tuple[str, ...] = ()
+    """Servos that are told by name; ``meant`` has their ids."""
+
+    def meant(self, names: ServoNames) -> Rule:
+        """Return the rule on ids; servos with names of one bus make it a rule on that bus.
+
+        Raises:
+            InputError: no servo is called so, or they are on several buses.
+        """
+        if not self.called:
+            return self
+        ids: list[int] = list(self.servos)
+        buses: dict[str, None] = {}
+        for name in self.called:
+            try:
+                found = [who for who, _ in names.having(name)]
+            except InputError as error:
+                told = spelled(error, lambda argument, _: argument[0])
+                raise InputError(f"rule {self.name!r}: {told}") from None
+            mine = [w for w in found if isinstance(w, int) or self.bus in ("", w[0])]
+            if not mine:
+                raise InputError(f"rule {self.name!r}: no servo of {self.bus} is called {name!r}")
+            buses |= dict.fromkeys(who[0] for who in mine if isinstance(who, tuple))
+            ids += [who if isinstance(who, int) else who[1] for who in mine]
+        if len(buses) > 1:
+            told = f"its servos are those of {and_(list(buses))}: write a rule for each bus"
+            raise InputError(f"rule {self.name!r}: {told}")
+        bus = self.bus or next(iter(buses), "")
+        return replace(self, servos=tuple(dict.fromkeys(ids)), called=(), bus=bus)
 
     @property
     def asked(self) -> str:
@@ -175,7 +208,8 @@ def _made(entry: Mapping[str, Any], nth: int, usual: str) -> Rule:
         figure=_choice(entry.get("figure", "p99"), tuple(FIGURES), "figure"),
         quantity=quantity,
         bus=_text(entry, "bus"),
-        servos=_servos(entry.get("servos", [])),
+        servos=tuple(who for who in _servos(entry) if isinstance(who, int)),
+        called=tuple(who for who in _servos(entry) if isinstance(who, str)),
         is_lenient=_choice(entry.get("undecided", usual), UNDECIDED, "undecided") == PASS,
     )
 
@@ -211,13 +245,16 @@ def _named(entry: Mapping[str, Any], what: str) -> tuple[str, ...]:
     return tuple(_choice(one, tuple(known), key[:-1]) for one in given)
 
 
-def _servos(given: Any) -> tuple[int, ...]:
-    is_id = isinstance(given, list) and all(
-        isinstance(i, int) and not isinstance(i, bool) and 0 <= i < IDS for i in given
+def _servos(entry: Mapping[str, Any]) -> list[int | str]:
+    given = entry.get("servos", [])
+    is_list = isinstance(given, list) and all(
+        (isinstance(i, int) and not isinstance(i, bool) and 0 <= i < IDS)
+        or (isinstance(i, str) and is_name(i))
+        for i in given
     )
-    if not is_id:
-        raise ValueError(f"servos is a list of ids of 0..{IDS - 1}")
-    return tuple(given)
+    if not is_list:
+        raise ValueError(f"servos is a list of ids of 0..{IDS - 1}, or of names")
+    return list(given)
 
 
 def _text(entry: Mapping[str, Any], key: str) -> str:
