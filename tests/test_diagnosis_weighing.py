@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.motors import strength_of
 from sniffer.diagnosis.weighing import explain
-from tests.conversations import T0
+from tests.conversations import T0, Conversation, robot, swinging, through_usb, without_clock
+from tests.diagnosed import found
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sniffer.ground.model import Chunk
 
 MANNERS = ("damage-while-moving", "damage-behind-steps", "soonest-lost")
 
@@ -43,3 +51,23 @@ def test_motion_with_which_noise_goes_by_chance_leaves_it_open_what_it_is() -> N
 def by_deviations(deviations: float) -> float:
     """Return how much it counts that damage goes with motion so far beyond chance, of two ways."""
     return strength_of(deviations, 2)
+
+
+@pytest.mark.parametrize("heard", [lambda chunks: chunks, through_usb, without_clock])
+def test_bare_second_answers_may_be_anothers_where_no_time_tells(
+    heard: Callable[[list[Chunk]], list[Chunk]],
+) -> None:
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        for _ in range(2):
+            talk.rest(0.4)
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+        talk.rest(0.5)
+        return True
+
+    talk = robot("wck", 6, instead=instead, goals=False)
+    chunks = heard(talk.chunks)
+    (twice,) = [f for f in found(talk.diagnosed(chunks)) if f.code == "answers-twice"]
+    assert ("no time tells" in twice.what) == (chunks is not talk.chunks)

@@ -53,6 +53,9 @@ NEARLY: Final = 0.9
 FEW: Final = 0.1
 """Part of the answers of others that may be torn, and of a servo's own that may be missing."""
 
+EXACT_NS: Final = 2_000_000
+"""Stamps that are worse do not tell a second answer from a late one to the request before."""
+
 PLAIN: Final = 0.5
 """Part of the torn answers that single bits, or lost first bytes, may explain."""
 
@@ -86,12 +89,21 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             max(times),
             twin.twice,
             f"servo {servo} answers twice in {case.total('ok', servo)} exchanges: "
-            + ", ".join(told),
+            + ", ".join(told)
+            + (_or_of_one_before(case) if twin.twice == twin.whole else ""),
             tuple(Place(*trace, "a trace of a second answer") for trace in traces[:2])
             + case.places(events, "a second answer", 2),
             strength=min(0.5 + twin.twice / 20, 1.0),
             brief=f"servo {servo} answers {twin.twice} requests twice",
         )
+
+
+def _or_of_one_before(case: Case) -> str:
+    """Say that second answers may be another one's: bare ones tell nobody, and no sure time does."""
+    is_bare = case.protocol.ordered and not case.has_checksum
+    if not is_bare or (case.has_clock and case.latency_ns <= EXACT_NS):
+        return ""
+    return "; they may as well be late ones of a servo that is asked before it: no time tells"
 
 
 def answers_mixed(case: Case) -> Iterator[Finding]:
