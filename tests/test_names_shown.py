@@ -173,6 +173,20 @@ def test_reports_name_the_servos_of_each_bus(suffix: str, both: Path, tmp_path: 
     assert f"leg servo 1 {LONG}" not in text
 
 
+def test_pictures_call_servos_by_the_names_of_their_bus_and_so_do_their_logs(
+    both: Path, tmp_path: Path
+) -> None:
+    plots = tmp_path / "x.rrd"
+    assert sniffer("view", both, "-q", "-o", plots).status == 0
+    rows, static = read(plots)
+    assert f"/arm/servo/1_{LONG}/present_position" in rows
+    assert "/leg/servo/1/present_position" in rows
+    assert static["/leg/servo/2_ankle/present_position"]["SeriesLines:names"] == ["ankle (2)"]
+    logs = " ".join(str(row) for row in rows["/arm/anomalies"])
+    assert f"no-response: servo 1 {LONG} did not answer" in logs
+    assert f"(servo 1 {LONG})" in str(rows["/arm/incidents"])
+
+
 def test_a_place_that_is_explained_names_the_servo(both: Path) -> None:
     drawn = sniffer("explain", f"{both}@no-response").out
     assert f"servo 1 {LONG} did not answer" in drawn
