@@ -347,22 +347,6 @@ def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsy
     assert nothing.complaint == "@bad-checksum:9: the capture has 2 of them"
 
 
-def test_what_is_said_from_a_time_on_is_explained(capsys: Capsys) -> None:
-    for place in ("-5s", "3", "22:55:07", "-1min", "7.5s"):
-        asked = f"{CAPTURE}@{place}" if place != "3" else f"{CAPTURE}@3.0"
-        rows = [
-            json.loads(line)
-            for line in within(
-                capsys, "decode", CAPTURE, "--from", place, "--format", "jsonl"
-            ).out.splitlines()
-        ]
-        first = next(row for row in rows if row["type"] in ("frame", "gap"))
-        head, *_ = within(capsys, "explain", asked).out.splitlines()
-        assert head.partition(":")[0] == f"{CAPTURE}, byte {first['offset']} of bus0"
-    over = within(capsys, "explain", f"{CAPTURE}@1h")
-    assert (over.status, over.complaint) == (2, "1h: nothing was said from there on")
-
-
 def test_a_line_that_is_there_for_a_value_says_that_value_and_no_other(
     whole: list[dict[str, Any]], capsys: Capsys
 ) -> None:

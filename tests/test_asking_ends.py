@@ -1,4 +1,4 @@
-"""The last seconds of a capture: places that count back from its end."""
+"""Places by time: those that count back from the end, and what was said first from one on."""
 
 from __future__ import annotations
 
@@ -41,3 +41,14 @@ def test_a_part_before_the_end_that_ends_before_it_begins_is_refused(capsys: Cap
     ran = within(capsys, "decode", CAPTURE, "--from", "-1s", "--to", "-2s")
     assert (ran.status, ran.out) == (2, "")
     assert "--to must lie behind --from" in ran.err
+
+
+def test_what_is_said_from_a_time_on_is_explained(capsys: Capsys) -> None:
+    for place in ("-5s", "3", "22:55:07", "-1min", "7.5s"):
+        asked = f"{CAPTURE}@{place}" if place != "3" else f"{CAPTURE}@3.0"
+        rows = told(capsys, "--from", place)
+        first = next(row for row in rows if row["type"] in ("frame", "gap"))
+        head, *_ = within(capsys, "explain", asked).out.splitlines()
+        assert head.partition(":")[0] == f"{CAPTURE}, byte {first['offset']} of bus0"
+    over = within(capsys, "explain", f"{CAPTURE}@1h")
+    assert (over.status, over.complaint) == (2, "1h: nothing was said from there on")

@@ -52,6 +52,21 @@ def test_tables_have_the_names_that_a_recording_has_each_bus_its_own(
     assert "wrist" not in of_bus(shown, "leg")
 
 
+@pytest.mark.parametrize("columns", ["80", "140"])
+@pytest.mark.parametrize("told", [(), ("--name", f"1={LONG}")])
+def test_both_bounds_of_a_histogram_stand_over_one_axis(
+    told: tuple[str, ...], columns: str
+) -> None:
+    shown = sniffer("stats", DAMAGED, *told, env={"COLUMNS": columns}).out
+    lines = shown.splitlines()
+    heads = [n for n, line in enumerate(lines) if " took at least  " in line]
+    assert len(heads) == 3
+    ends = {lines[n].index("took at least") + len("took at least") for n in heads}
+    ends |= {lines[n + 1].index("at most") + len("at most") for n in heads}
+    assert len(ends) == 1, "the lower bound was drawn a bin to the right of the upper one"
+    assert max(map(len, lines)) <= int(columns)
+
+
 def test_a_name_told_now_stands_in_place_of_the_one_that_was_recorded(both: Path) -> None:
     shown = sniffer("stats", both, "--name", "2=hand").out
     assert "2 hand" in of_bus(shown, "arm")
@@ -156,6 +171,20 @@ def test_reports_name_the_servos_of_each_bus(suffix: str, both: Path, tmp_path: 
     assert "leg servo 2 ankle" in text
     assert f"load_data, servo 1 {LONG}" in text
     assert f"leg servo 1 {LONG}" not in text
+
+
+def test_pictures_call_servos_by_the_names_of_their_bus_and_so_do_their_logs(
+    both: Path, tmp_path: Path
+) -> None:
+    plots = tmp_path / "x.rrd"
+    assert sniffer("view", both, "-q", "-o", plots).status == 0
+    rows, static = read(plots)
+    assert f"/arm/servo/1_{LONG}/present_position" in rows
+    assert "/leg/servo/1/present_position" in rows
+    assert static["/leg/servo/2_ankle/present_position"]["SeriesLines:names"] == ["ankle (2)"]
+    logs = " ".join(str(row) for row in rows["/arm/anomalies"])
+    assert f"no-response: servo 1 {LONG} did not answer" in logs
+    assert f"(servo 1 {LONG})" in str(rows["/arm/incidents"])
 
 
 def test_a_place_that_is_explained_names_the_servo(both: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from rich.cells import cell_len
 from rich.text import Text
 
 from sniffer.decoding.durations import BINS_SHOWN
@@ -23,8 +24,8 @@ BARS: Final = " ▁▂▃▄▅▆▇█"
 PLAIN_BARS: Final = " .:-=+*#@"
 """The same for a terminal that has ASCII alone."""
 
-TOLD: Final = 18
-"""Columns of what bars tell, and of the blanks around it, behind whose they are."""
+BESIDE: Final = 18
+"""Columns before the bars of a histogram, beside the name of the servo."""
 
 
 def bars(numbers: Sequence[float], most: float | None = None) -> str:
@@ -65,7 +66,7 @@ def print_histograms(
     begin = min(int(held[0]), int(low[0]) if len(low) else int(held[0]))
     begin = max(begin - 1, int(held[0]) - 3 * BINS_SHOWN, 0)  # as a report's: three octaves of few
     size = int(held[-1]) + 2 - begin
-    label = max(len(f"servo {who}") for who in sums) + TOLD
+    label = BESIDE + max(cell_len(f"servo {who}") for who in sums)
     room = max(min(width, 140) - label - 2, 16)
     per = -(-size // room)
     console.print()
@@ -76,8 +77,8 @@ def print_histograms(
             console.print(Text(f"  {'servo ' + who:<{label - 4}}  {bars(pair[0], top)}"))
             continue
         for row, told in zip(pair, ("took at least", "at most"), strict=True):
-            whose = f"servo {who}" if told != "at most" else ""
-            console.print(Text(f"  {whose:<{label - TOLD}}{told:>14}  {bars(row, top)}"))
+            name = f"servo {who}" if told != "at most" else ""
+            console.print(Text(f"  {name:<{label - BESIDE}}{told:>14}  {bars(row, top)}"))
     console.print(Text(" " * label + _axis(begin, size, per, width - label), style="dim"))
 
 
