@@ -107,7 +107,7 @@ def soonest(case: Case) -> Iterator[Finding]:
         for at, t in zip(lost[0].at[:3].tolist(), lost[0].times[:3].tolist(), strict=True)
     ]
     hit = {m.servo_id for m in front}
-    for servo in sorted(hit & _in_order(lost)):
+    for servo in sorted(hit & in_order(lost)):
         yield Finding(
             "soonest-lost",
             servo,
@@ -122,7 +122,7 @@ def soonest(case: Case) -> Iterator[Finding]:
         )
 
 
-def _in_order(lost: Sequence[Lost]) -> set[int]:
+def in_order(lost: Sequence[Lost]) -> set[int]:
     """Return the servos, in the order of their delays, that lose no more than who answers sooner.
 
     Who loses more than those has another reason.
