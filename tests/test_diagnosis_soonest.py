@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from typing import Final
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Final, cast
 
 import pytest
 
-from sniffer.diagnosis.rules.soonest import by_chance
+from sniffer.diagnosis.rules.soonest import by_chance, in_order
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.rules.outages import Lost
 
 DELAY_MS: Final = {1: 0.55, 2: 0.35, 3: 0.75, 4: 0.9}
 """How soon the servos answer."""
@@ -81,6 +85,12 @@ def test_a_contact_at_the_servos_that_answer_soonest_tears_the_ends_of_answers_t
     told = robot_that_loses("rs30x", contact_of(1, 2)).diagnosed()
     assert "soonest-lost" not in codes(told)
     assert [cause for cause, _ in verdicts(told.incidents())] == ["bad-cable"]
+
+
+def test_a_servo_that_loses_more_than_who_answers_sooner_is_not_in_order() -> None:
+    shares = {2: 0.12, 1: 0.09, 6: 0.2, 3: 0.1, 4: 0.01}
+    lost = [cast("Lost", SimpleNamespace(servo=s, share=share)) for s, share in shares.items()]
+    assert in_order(lost) == {2, 1, 3, 4}
 
 
 def test_who_answers_last_loses_most_to_a_controller_that_does_not_wait() -> None:

@@ -284,3 +284,24 @@ def test_a_silence_longer_than_anybody_waits_for_an_answer_is_the_lines() -> Non
 
 def test_a_silence_as_long_as_the_controller_waits_for_answers_is_the_controllers() -> None:
     assert "held-low" not in held_within_answers(400)
+
+
+def test_two_of_many_torn_places_that_end_low_are_no_line_that_is_held() -> None:
+    rng = random.Random(5)
+    talk = Conversation("rs30x")
+    for cycle in range(500):
+        talk.until(cycle / 40)
+        for servo in (1, 2, 3):
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            answer = talk.tongue.answer(servo, 0.4)
+            if servo == 3 and cycle in (130, 190):
+                talk.say(answer[:6] + b"\0")
+                talk.rest(400)
+            elif rng.random() < 0.1:
+                talk.say(turned(rng, answer))
+                talk.rest(4)
+            else:
+                talk.say(answer)
+                talk.rest(2)
+    assert "held-low" not in codes(talk.diagnosed())

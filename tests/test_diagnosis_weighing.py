@@ -10,7 +10,7 @@ from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.motors import strength_of
 from sniffer.diagnosis.weighing import explain
 from tests.conversations import T0, Conversation, robot, swinging, through_usb, without_clock
-from tests.diagnosed import found
+from tests.diagnosed import codes, found
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,3 +71,29 @@ def test_bare_second_answers_may_be_anothers_where_no_time_tells(
     chunks = heard(talk.chunks)
     (twice,) = [f for f in found(talk.diagnosed(chunks)) if f.code == "answers-twice"]
     assert ("no time tells" in twice.what) == (chunks is not talk.chunks)
+
+
+def strange(spoken_into: int) -> set[str]:
+    """Return what is found of lines, some with a blank for a zero, some that others speak into."""
+    talk = Conversation("lss")
+    for cycle in range(600):
+        talk.until(cycle / 60)
+        servo = cycle % 3 + 1
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.4)
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        if cycle % 30 == 10:
+            talk.say(answer[:-1] + b" \r")
+        elif cycle % 30 < spoken_into:
+            talk.say(answer[:3] + bytes((0x00, 0x14, 0x81, 0xA6)) + answer[-2:])
+        else:
+            talk.say(answer)
+    return codes(talk.diagnosed())
+
+
+def test_a_strange_sign_tells_its_bit_where_most_torn_lines_have_one() -> None:
+    assert "same-bit" in strange(0)
+
+
+def test_a_strange_sign_tells_nothing_beside_lines_that_others_speak_into() -> None:
+    assert "same-bit" not in strange(4)

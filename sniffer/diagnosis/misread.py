@@ -35,6 +35,9 @@ OF_EACH: Final = 60
 NEAR_BYTES: Final = 3
 """A torn frame differs from what it was in no more bytes than that, or it is not it."""
 
+MOSTLY: Final = 0.75
+"""Part of the torn lines that one sign which stands in no line must explain."""
+
 DIGITS: Final = frozenset(b"0123456789")
 """Signs of numbers, which may be any."""
 
@@ -103,10 +106,13 @@ def misread(
     repaired = _repaired(protocol, whole, tuple(sorted(firsts)))
     found = iter(repaired)
     signs = _signs(protocol, [*known, *itertools.chain(*known.values(), *alike)])
+    strange = [_strange(d, signs) for d in torn]
+    if sum(one is not None for one in strange) < MOSTLY * len(torn):
+        strange = [None] * len(torn)  # who speaks into lines makes such signs, too, beside others
     out = []
-    for d, sound, is_tried in zip(torn, alike, tried, strict=True):
+    for d, sound, is_tried, one in zip(torn, alike, tried, strange, strict=True):
         told = next(found) if is_tried else ()
-        out.append(_strange(d, signs) or _one(d, sound, told))
+        out.append(one or _one(d, sound, told))
     return out
 
 
@@ -123,7 +129,7 @@ def _strange(d: Damage, signs: frozenset[int]) -> Misread | None:
     What a line states changes, so that the next one differs from it in more than what was misread.
     """
     wrong = [k for k, byte in enumerate(d.got) if byte not in signs]
-    if not signs or not 0 < len(wrong) <= NEAR_BYTES or d.length != len(d.got):
+    if not signs or len(wrong) != 1 or d.length != len(d.got):
         return None
     meant = bytearray(d.got)
     for k in wrong:

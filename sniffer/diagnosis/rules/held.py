@@ -9,8 +9,9 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import HELD, IN_IDLE, STRAY
+from sniffer.diagnosis.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import torn_answers
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ FINDINGS: Final = (
         "held-low",
         "line",
         "The line falls low, and nobody says anything for long: a byte of 00, then silence.",
-        "At least twice a 00 that no frame claims, behind which it is silent for longer than the controller ever is (in half of the cases at least no answer is cut, or it never waits for one so long), or stray bytes that are nearly all 00 and breaks.",
+        "At least twice a 00 that no frame claims, behind which it is silent for longer than the controller ever is (in half of the cases at least no answer is cut, or all are and it never waits for one so long, and half of what is torn beside a servo that alone is hit are these), or stray bytes that are nearly all 00 and breaks.",
     ),
     FindingCode(
         "held-value",
@@ -101,8 +102,9 @@ def held_low(case: Case) -> Iterator[Finding]:
     usual = case.ledger.exchanges.idle.at(0, 0.98)
     least = max(LONG_NS, LONGER * (usual.high if usual is not None else LONG_NS))
     silent = [d for d in zeros if d.until_ns > least + case.latency_ns] if case.has_clock else []
-    longer = _in_vain(case)
-    if sum(d.turn == IN_IDLE or d.until_ns > longer for d in silent) < len(silent) / 2:
+    idle, longer = sum(d.turn == IN_IDLE for d in silent), _in_vain(case)
+    is_sure = all(d.turn == IN_IDLE or d.until_ns > longer for d in silent)
+    if idle < len(silent) / 2 and not (is_sure and 2 * len(silent) >= _torn_of_nobody(case)):
         silent = []  # torn answers end as they may, and a controller waits behind them
     alone = [d for d in zeros if d.got == b"\0" and d.turn == IN_IDLE]
     strays = sum(d.turn == IN_IDLE for d in case.damages)
@@ -124,6 +126,12 @@ def held_low(case: Case) -> Iterator[Finding]:
         min(0.4 + 0.15 * len(silent) + 0.1 * len(lone), 1.0),
         max(d.until_ns for d in found),
     )
+
+
+def _torn_of_nobody(case: Case) -> int:
+    """Return how many places are torn, apart from the answers of servos that alone are hit."""
+    hit = torn_answers(case)
+    return sum(d.turn not in (IN_REPLY, REST) or d.servo_id not in hit for d in case.damages)
 
 
 def _in_vain(case: Case) -> float:

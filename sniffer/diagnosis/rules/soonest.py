@@ -70,6 +70,9 @@ ENOUGH: Final = 1e-3
 REQUESTS: Final = 0.2
 """Torn requests for each lost answer: what tears these as well looks at no answer's time."""
 
+ABOUT: Final = 1.25
+"""How many times the share of who answers sooner a servo may lose, and be in order."""
+
 ALL_ORDERS: Final = 7
 """Servos up to which all their orders are tried: 5040; with more they are as good as normal."""
 
@@ -103,18 +106,33 @@ def soonest(case: Case) -> Iterator[Finding]:
         Place(at, 1, t, "a request without a sound answer")
         for at, t in zip(lost[0].at[:3].tolist(), lost[0].times[:3].tolist(), strict=True)
     ]
-    yield Finding(
-        "soonest-lost",
-        None,
-        int(times.min()),
-        int(times.max()),
-        bad,
-        f"the sooner a servo answers, the more of its answers are lost: {told[0]}, {told[1]}, and of "
-        f"{len(torn)} torn ones {len(front)} lack their beginning",
-        tuple(places),
-        strength=sureness(chance, ENOUGH),
-        brief="who answers soonest loses most",
-    )
+    hit = {m.servo_id for m in front}
+    for servo in sorted(hit & in_order(lost)):
+        yield Finding(
+            "soonest-lost",
+            servo,
+            int(times.min()),
+            int(times.max()),
+            bad,
+            f"the sooner a servo answers, the more of its answers are lost: {told[0]}, {told[1]}, and of "
+            f"{len(torn)} torn ones {len(front)} lack their beginning",
+            tuple(places),
+            strength=sureness(chance, ENOUGH),
+            brief="who answers soonest loses most",
+        )
+
+
+def in_order(lost: Sequence[Lost]) -> set[int]:
+    """Return the servos, in the order of their delays, that lose no more than who answers sooner.
+
+    Who loses more than those has another reason.
+    """
+    out, least = set(), math.inf
+    for one in lost:
+        if one.share <= ABOUT * least:
+            out.add(one.servo)
+        least = min(least, one.share)
+    return out
 
 
 def by_chance(delay: Sequence[float], share: Sequence[float]) -> float:
