@@ -63,7 +63,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "rich": (
         *("cli/", "inside/", "viewers/", "sinks/consoles.py"),
         *("sinks/bars.py", "sinks/text.py", "sinks/report.py", "sinks/stats.py", "sinks/story.py"),
-        "sinks/tabulated.py",
+        *("sinks/held.py", "sinks/tabulated.py"),
     ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),

@@ -15,7 +15,7 @@ from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
-    from sniffer.diagnosis.rules.outages import Lost
+    from sniffer.diagnosis.rules.outages import LostAnswers
 
 DELAY_MS: Final = {1: 0.55, 2: 0.35, 3: 0.75, 4: 0.9}
 """How soon the servos answer."""
@@ -89,7 +89,9 @@ def test_a_contact_at_the_servos_that_answer_soonest_tears_the_ends_of_answers_t
 
 def test_a_servo_that_loses_more_than_who_answers_sooner_is_not_in_order() -> None:
     shares = {2: 0.12, 1: 0.09, 6: 0.2, 3: 0.1, 4: 0.01}
-    lost = [cast("Lost", SimpleNamespace(servo=s, share=share)) for s, share in shares.items()]
+    lost = [
+        cast("LostAnswers", SimpleNamespace(servo=s, share=share)) for s, share in shares.items()
+    ]
     assert in_order(lost) == {2, 1, 3, 4}
 
 

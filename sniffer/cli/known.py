@@ -104,7 +104,7 @@ def registers(
             for record in done.as_dicts():
                 click.echo(json.dumps(record, ensure_ascii=False))
         elif done.registers:
-            print_held(done)
+            print_held(done.registers, done.names, done.began_ns)
         else:
             click.echo("no register was read or written, as far as a table names them")
         return status_of(done.ending, is_lost=False)

@@ -10,7 +10,7 @@ from sniffer.decoding.called import SERVO_NAME
 from sniffer.ground.codes import ROLES
 from sniffer.jobs.through import hear_part
 from sniffer.sources.several import name_of
-from sniffer.statistics.held import HeldRegister, RegisterBook, Said
+from sniffer.statistics.held import HeldRegister, RegisterBook, StatedValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,7 +99,7 @@ def _as_dict(source: str, held: HeldRegister, names: ServoNames) -> dict[str, An
     }
 
 
-def _said(held: HeldRegister, said: Said) -> dict[str, Any]:
+def _said(held: HeldRegister, said: StatedValue) -> dict[str, Any]:
     return {
         "raw": said.raw,
         "value": None if math.isnan(said.value) else round(said.value, 9),

@@ -19,45 +19,55 @@ from sniffer.sinks.stats import WIDE
 from sniffer.sinks.tabulated import Tabulated, number
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rich.console import Console
 
     from sniffer.decoding.called import ServoNames
-    from sniffer.jobs.held import HeldRegisters
-    from sniffer.statistics.held import HeldRegister, Said
+    from sniffer.statistics.held import HeldRegister, StatedValue
 
 _HEADINGS: Final = {CONFIG: "settings", COMMANDED: "goals and commands", MEASURED: "measured"}
 
 
-def print_held(told: HeldRegisters, console: Console | None = None) -> None:
-    """Print the registers bus by bus: settings, what was commanded, what was measured."""
+def print_held(
+    registers: Sequence[HeldRegister],
+    names: ServoNames,
+    began_ns: Mapping[str, int],
+    console: Console | None = None,
+) -> None:
+    """Print registers bus by bus: settings, what was commanded, what was measured.
+
+    ``names`` are what servos are called, ``began_ns`` when each bus with a clock was heard first.
+    """
     console = console or console_for()
     room = room_in(console)
     width = WIDE if room is None else max(room, NARROWEST)
     console.width = width
     unfold(console)
     with console.capture() as printed:
-        for nth, bus in enumerate(dict.fromkeys(held.bus for held in told.registers)):
+        for nth, bus in enumerate(dict.fromkeys(held.bus for held in registers)):
             if nth:
                 console.print()
-            mine = [held for held in told.registers if held.bus == bus]
-            _print_bus(mine, told, console, width)
+            mine = [held for held in registers if held.bus == bus]
+            _print_bus(mine, names, began_ns.get(bus), console, width)
     console.file.write(without_padding(printed.get()))
 
 
 def _print_bus(
-    mine: Sequence[HeldRegister], told: HeldRegisters, console: Console, width: int
+    mine: Sequence[HeldRegister],
+    names: ServoNames,
+    began_ns: int | None,
+    console: Console,
+    width: int,
 ) -> None:
-    bus = mine[0].bus
-    title = f"{bus}: {mine[0].protocol.name}, what registers held"
+    title = f"{mine[0].bus}: {mine[0].protocol.name}, what registers held"
     console.print(Text(short(plain(title)), style="bold"))
     for role, heading in _HEADINGS.items():
         rows = [held for held in mine if held.register.role == role]
         if rows:
             console.print()
             console.print(Text(f" {heading}", style="dim"))
-            console.print(_table(rows, told.names, told.began_ns.get(bus)).table(None, width))
+            console.print(_table(rows, names, began_ns).table(None, width))
 
 
 def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
@@ -96,7 +106,7 @@ def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str:
     return ", ".join(told)
 
 
-def _shown(held: HeldRegister, said: Said) -> str:
+def _shown(held: HeldRegister, said: StatedValue) -> str:
     named = held.register.names(said.raw)
     if named is not None:
         words = named if isinstance(named, list) else [named]

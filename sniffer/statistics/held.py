@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-class Said(NamedTuple):
+class StatedValue(NamedTuple):
     """A value as a frame said it: ``value`` in the register's unit, NaN where it has none.
 
     ``is_written``: a request told the servo so; else the servo answered it.
@@ -49,8 +49,8 @@ class HeldRegister:
     protocol: BusProtocol
     servo_id: int
     register: Register
-    first: Said
-    last: Said
+    first: StatedValue
+    last: StatedValue
     count: int = 1
     changes: int = 0
 
@@ -91,8 +91,10 @@ class RegisterBook:
         at = batch.base + f.start[v.row[rows]]
         t_ns = v.t_ns[rows]
 
-        def said(k: int) -> Said:
-            return Said(int(raw[k]), float(value[k]), int(t_ns[k]), int(at[k]), bool(written[k]))
+        def said(k: int) -> StatedValue:
+            return StatedValue(
+                int(raw[k]), float(value[k]), int(t_ns[k]), int(at[k]), bool(written[k])
+            )
 
         edges = [0, *news.tolist(), len(rows)]
         for begin, end in itertools.pairwise(edges):

@@ -50,7 +50,7 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 3
-"""Lost answers: one or two are lost on many a line."""
+"""LostAnswers answers: one or two are lost on many a line."""
 
 MOMENTS: Final = 2
 
@@ -88,7 +88,7 @@ SELDOM: Final = 0.4
 """Part of the time near moments from which on losses coincide by chance."""
 
 
-class Lost:
+class LostAnswers:
     """What one servo lost and had again."""
 
     def __init__(self, case: Case, servo: int) -> None:
@@ -154,7 +154,7 @@ def losses(case: Case) -> Iterator[Finding]:
     lost = [
         one
         for s in case.answering
-        if 2 * twins[s] <= torn[s] and (one := Lost(case, s)).ok + one.bad > LEAST
+        if 2 * twins[s] <= torn[s] and (one := LostAnswers(case, s)).ok + one.bad > LEAST
     ]
     # a row of torn answers without a sound one between neither comes nor goes
     lost = [one for one in lost if one.missing or not one.bad or one.moments >= MOMENTS]
@@ -202,7 +202,7 @@ def losses(case: Case) -> Iterator[Finding]:
             )
 
 
-def _for_a_while(case: Case, bad: list[Lost]) -> Iterator[Finding]:
+def _for_a_while(case: Case, bad: list[LostAnswers]) -> Iterator[Finding]:
     """Find the servo that loses answers for a while in which no other one does.
 
     At other times others do, for another reason.
@@ -267,7 +267,9 @@ def lengths(case: Case) -> Iterator[Finding]:
         )
 
 
-def _group(case: Case, bad: list[Lost], lost: list[Lost]) -> tuple[list[Lost], list[Lost]]:
+def _group(
+    case: Case, bad: list[LostAnswers], lost: list[LostAnswers]
+) -> tuple[list[LostAnswers], list[LostAnswers]]:
     """Return the servos that lose answers in the moments of the worst one, and the sound ones.
 
     Each of those that have far more than the soundest begins a group; who fails only in its
@@ -309,7 +311,7 @@ def _often(times: I64) -> bool:
     return near > SELDOM * int(times[-1] - times[0] + 2 * NEAR_NS)
 
 
-def _shared(group: list[Lost]) -> list[int]:
+def _shared(group: list[LostAnswers]) -> list[int]:
     """Return the servos of a group that fail in each other's moments."""
     out = []
     for one in group:

@@ -19,7 +19,7 @@ from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.ends import torn_in_front
-from sniffer.diagnosis.rules.outages import Lost
+from sniffer.diagnosis.rules.outages import LostAnswers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -45,7 +45,7 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 6
-"""Lost answers."""
+"""LostAnswers answers."""
 
 SERVOS: Final = 3
 """Two are in order half of the time."""
@@ -83,7 +83,7 @@ NOTHING: Final = 1e-12
 def soonest(case: Case) -> Iterator[Finding]:
     """Tell whether losses follow how soon servos answer."""
     timed = delays(case)
-    lost = [one for s in timed if (one := Lost(case, s)).ok + one.bad > LEAST]
+    lost = [one for s in timed if (one := LostAnswers(case, s)).ok + one.bad > LEAST]
     bad = sum(one.bad for one in lost)
     if len(lost) < SERVOS or bad < LEAST:
         return
@@ -122,7 +122,7 @@ def soonest(case: Case) -> Iterator[Finding]:
         )
 
 
-def in_order(lost: Sequence[Lost]) -> set[int]:
+def in_order(lost: Sequence[LostAnswers]) -> set[int]:
     """Return the servos, in the order of their delays, that lose no more than who answers sooner.
 
     Who loses more than those has another reason.
