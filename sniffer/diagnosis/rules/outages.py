@@ -50,7 +50,7 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 3
-"""LostAnswers answers: one or two are lost on many a line."""
+"""Lost answers: one or two are lost on many a line."""
 
 MOMENTS: Final = 2
 

@@ -45,7 +45,7 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 6
-"""LostAnswers answers."""
+"""Lost answers."""
 
 SERVOS: Final = 3
 """Two are in order half of the time."""
