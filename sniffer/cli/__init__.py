@@ -36,6 +36,7 @@ COMMANDS: Final = {
     "diagnose": "Name what is wrong with a bus, and why.",
     "open": "Look inside a capture or a port, frame by frame.",
     "stats": "Count and measure: load, rates, times, errors.",
+    "state": "Tell what each register of each servo held.",
     "query": "Ask captures in SQL.",
     "fleet": "Make one data set of many captures.",
     "compact": "Copy a data set into few large files.",
@@ -56,7 +57,7 @@ COMMANDS: Final = {
     "simulate": "Play a bus without hardware.",
     "wireshark": "Teach Wireshark to read servo buses.",
     "protocols": "List the protocols with their models and baud rates.",
-    "registers": "Show a model's registers, or what they held in a capture.",
+    "registers": "Show the register table of a model.",
     "completion": "Print the completion of a shell.",
     "manual": "Print the manual page.",
 }

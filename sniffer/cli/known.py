@@ -8,24 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
-from sniffer.cli.options import decoding, examples, with_format, with_quiet
-from sniffer.cli.selecting import say_selected, with_part, with_rows
-from sniffer.cli.signals import patient
-from sniffer.cli.statuses import DONE, status_of
+from sniffer.cli.options import examples, with_format
 from sniffer.cli.streams import width_of_terminal
-from sniffer.decoding.options import Options
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import offered
-from sniffer.jobs.held import registers_held
-from sniffer.jobs.telling import Teller
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
-from sniffer.selection.places import Window
-from sniffer.selection.selection import Selection
-from sniffer.sinks.held import print_held
 
 
 @click.command()
@@ -55,77 +45,21 @@ def _models() -> dict[str, RegisterMap]:
 
 
 @click.command(
-    short_help="Show a model's registers, or what they held in a capture.",
+    short_help="Show the register table of a model.",
     epilog=examples(
         "sniffer registers",
         "sniffer registers mightyzap-12lf",
         "sniffer registers rs305cr --format jsonl",
         "sniffer registers my_servo.toml",
-        "sniffer registers run.mcap",
-        "sniffer registers run.mcap --servo 3 --to 10",
     ),
 )
-@click.argument("what", required=False, metavar="[MODEL|FILE]")
-@with_part
-@with_rows
-@decoding
+@click.argument("model", required=False)
 @with_format("text", "jsonl")
-@with_quiet
-@click.pass_context
-def registers(
-    context: click.Context,
-    what: str | None,
-    options: Options,
-    input_format: str,
-    output_format: str,
-    window: Window | None,
-    selection: Selection | None,
-    tell: Teller,
-) -> int:
-    """Show the register table of MODEL, what registers held in the capture FILE, or all models.
+def registers(model: str | None, output_format: str) -> None:
+    """Show the register table of MODEL (or those of a protocol), or which models there are.
 
-    MODEL may be a table of your own, FILE.toml, the protocol of a plug-in, FILE.py, or a protocol:
-    its models. Of a capture it is told what was first and last read or written of each register of
-    each servo, servos of which the same was said together: settings, goals, what was measured.
+    MODEL may be a table of your own, FILE.toml, or the protocol of a plug-in, FILE.py.
     """
-    if what is not None and what not in _models() and _is_capture(what):
-        with patient() as patience:
-            done = registers_held(
-                what,
-                options,
-                input_format=input_format,
-                window=window,
-                selection=selection,
-                patience=patience,
-                tell=tell,
-            )
-        say_selected(done.summary, tell)
-        if output_format == "jsonl":
-            for record in done.as_dicts():
-                click.echo(json.dumps(record, ensure_ascii=False))
-        elif done.registers:
-            print_held(done.registers, done.names, done.began_ns)
-        else:
-            click.echo("no register was read or written, as far as a table names them")
-        return status_of(done.ending, is_lost=False)
-    for option in context.command.params:
-        asked = context.get_parameter_source(option.name or "") == ParameterSource.COMMANDLINE
-        if asked and option.name not in ("what", "output_format"):
-            raise click.UsageError(
-                f"{option.opts[0]} is about what registers held in a capture: "
-                "sniffer registers FILE"
-            )
-    _show(what, output_format)
-    return DONE
-
-
-def _is_capture(what: str) -> bool:
-    """Tell whether a capture is meant: a file that is neither a table nor a plug-in."""
-    return what == "-" or (not what.endswith((".toml", ".py")) and Path(what).exists())
-
-
-def _show(model: str | None, output_format: str) -> None:
-    """Print the table of a model, those of a protocol, or which models there are."""
     known = _models()
     if model is None:
         for m in known.values():
@@ -136,9 +70,10 @@ def _show(model: str | None, output_format: str) -> None:
     if model.endswith(".toml"):
         tables = [RegisterMap.from_toml(model)]
     if not tables:
-        raise click.UsageError(
-            f"no model {model!r}{_no_file(model)}: {offered(model, {**known, **PROTOCOLS})}"
-        )
+        if Path(model).is_file():
+            told = "is no register table: `sniffer state` tells what registers held in a capture"
+            raise click.UsageError(f"{model} {told}")
+        raise click.UsageError(f"no model {model!r}: {offered(model, {**known, **PROTOCOLS})}")
     for nth, table in enumerate(tables):
         if output_format == "jsonl":
             for r in table.registers:
@@ -147,11 +82,6 @@ def _show(model: str | None, output_format: str) -> None:
         if nth:
             click.echo()
         _print(table)
-
-
-def _no_file(model: str) -> str:
-    """Say that there is no such file, where one may have been meant."""
-    return ", and no such file" if "." in model or "/" in model else ""
 
 
 def _spoken(protocol: str) -> list[RegisterMap]:

@@ -1,4 +1,4 @@
-"""``sniffer.registers_held``: what registers held; what ``sniffer registers FILE`` calls."""
+"""``sniffer.registers_held``: what registers held; what ``sniffer state FILE`` calls."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class HeldRegisters:
     summary: Summary
 
     def as_dicts(self) -> list[dict[str, Any]]:
-        """Return a record a register, as ``schemas/registers.schema.json`` has it."""
+        """Return a record a register, as ``schemas/state.schema.json`` has it."""
         return [_as_dict(self.source, held, self.names) for held in self.registers]
 
 
