@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import Clock
-from tests.diagnosed import codes, verdicts
+from sniffer.ground.model import Chunk, Clock
+from tests.diagnosed import codes, diagnosed, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write
 
 if TYPE_CHECKING:
@@ -297,7 +297,10 @@ def test_slowness_is_not_told_where_there_is_no_clock() -> None:
             request, (_, answer) = mightyzap_read(i, k * 0.1 + i / 100, POSITION, b"\0\x02")
             rows += [request, (request[0] + takes + 0.002, answer)]
     assert verdicts(heard(rows, "mightyzap").incidents()) == [("slow-servo", (3,))]
-    assert not heard(rows, "mightyzap", Clock.NONE).incidents()
+    # stamps, and nobody stated the rate: when answers end tells it, too
+    assert verdicts(heard(rows, "mightyzap", Clock.NONE).incidents()) == [("slow-servo", (3,))]
+    bare = [Chunk(data) for _, data in rows]
+    assert not diagnosed(bare, "mightyzap").incidents()
 
 
 def test_late_answers_of_one_servo_are_told() -> None:

@@ -84,11 +84,8 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
             line.append(f": {cause.brief or cause.why}")
         _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
     found = [f.what for f in _by_weight(i)[:FINDINGS_SHOWN]]
-    against = i.against
-    for what in found:  # it stands below
-        against = against.removesuffix(f": {what}")
-    if against:
-        _hang(console, "   ", [Text(against)])
+    if i.against:
+        _hang(console, "   ", [Text(i.against)])
     left = len(i.findings) - FINDINGS_SHOWN
     if left > 0:
         found.append(f"and {left} more finding{'s' if left > 1 else ''}")
