@@ -68,7 +68,7 @@ def state(
     elif done.registers:
         from sniffer.sinks.held import print_held
 
-        print_held(done.registers, done.names, done.began_ns)
+        print_held(done.registers, done.summary.names, done.began_ns)
     else:
         click.echo("no register was read or written, as far as a table names them")
     return status_of(done.ending, is_lost=False)

@@ -36,13 +36,12 @@ class HeldRegisters:
     source: str
     registers: list[HeldRegister]
     began_ns: dict[str, int]
-    names: ServoNames
     ending: Ending
     summary: Summary
 
     def as_dicts(self) -> list[dict[str, Any]]:
         """Return a record a register, as ``schemas/state.schema.json`` has it."""
-        return [_as_dict(self.source, held, self.names) for held in self.registers]
+        return [_as_dict(self.source, held, self.summary.names) for held in self.registers]
 
 
 def registers_held(
@@ -74,9 +73,7 @@ def registers_held(
         patience=patience,
         tell=tell,
     )
-    return HeldRegisters(
-        name_of(source), book.held(), book.began_ns, book.names, done.ending, done.summary
-    )
+    return HeldRegisters(name_of(source), book.held(), book.began_ns, done.ending, done.summary)
 
 
 def _as_dict(source: str, held: HeldRegister, names: ServoNames) -> dict[str, Any]:

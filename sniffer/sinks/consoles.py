@@ -11,8 +11,12 @@ from rich.console import Console, ConsoleDimensions
 from sniffer.ground.streams import UNFOLDED, stated_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from typing import TextIO
+
+WIDE: Final = 140
+"""Columns that tables and curves have where what is printed goes into a pipe or a file, unless
+``COLUMNS`` says otherwise; sentences are lines there."""
 
 NARROWEST: Final = 66
 """Columns that tables of figures have at least: a line that a terminal breaks can be read, a number
@@ -57,11 +61,15 @@ def glued(words: str) -> str:
 
 
 @contextlib.contextmanager
-def unpadded(console: Console) -> Iterator[None]:
-    """Print without the blanks that fill what stands in columns up to their width."""
+def unpadded(console: Console, instead: Mapping[int, int] | None = None) -> Iterator[None]:
+    """Print without the blanks that fill what stands in columns up to their width.
+
+    ``instead`` are characters in place of others, as ``str.translate`` takes them.
+    """
     with console.capture() as printed:
         yield
-    console.file.write(_PADDING.sub(r"\1", printed.get()))
+    text = _PADDING.sub(r"\1", printed.get().replace(GLUE, " "))
+    console.file.write(text.translate(instead) if instead else text)
 
 
 def room_in(console: Console) -> int | None:
@@ -79,7 +87,10 @@ def unfold(console: Console) -> None:
         console.size = ConsoleDimensions(UNFOLDED, console.height)
 
 
-def without_padding(printed: str) -> str:
-    """Return what was printed without the blanks that tables are padded with to their width."""
-    lines = printed.replace(GLUE, " ").splitlines()
-    return "".join(line.rstrip() + "\n" for line in lines)
+def tables_in(console: Console) -> int:
+    """Have tables laid out as wide as there is room, sentences as lines; return how wide."""
+    room = room_in(console)
+    width = WIDE if room is None else max(room, NARROWEST)
+    console.width = width
+    unfold(console)
+    return width

@@ -14,8 +14,7 @@ from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED
 from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import plain, short
-from sniffer.sinks.consoles import NARROWEST, console_for, glued, room_in, unfold, without_padding
-from sniffer.sinks.stats import WIDE
+from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
 from sniffer.sinks.tabulated import Tabulated, number
 
 if TYPE_CHECKING:
@@ -40,17 +39,13 @@ def print_held(
     ``names`` are what servos are called, ``began_ns`` when each bus with a clock was heard first.
     """
     console = console or console_for()
-    room = room_in(console)
-    width = WIDE if room is None else max(room, NARROWEST)
-    console.width = width
-    unfold(console)
-    with console.capture() as printed:
+    width = tables_in(console)
+    with unpadded(console):
         for nth, bus in enumerate(dict.fromkeys(held.bus for held in registers)):
             if nth:
                 console.print()
             mine = [held for held in registers if held.bus == bus]
             _print_bus(mine, names, began_ns.get(bus), console, width)
-    console.file.write(without_padding(printed.get()))
 
 
 def _print_bus(

@@ -16,10 +16,9 @@ from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
-from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
 from sniffer.protocols import PROTOCOLS
-from sniffer.sinks.consoles import GLUE, NARROWEST, glued
+from sniffer.sinks.consoles import GLUE, NARROWEST, glued, unpadded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -36,8 +35,6 @@ SERVOS: Final = 3
 
 LISTED: Final = 200
 """Characters that names which might be meant may take; of more, as registers are, none is told."""
-
-_PADDING: Final = later(r" *(\x1b\[0m)? *$")
 
 _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -91,7 +88,7 @@ def _unheard(summary: Summary, where: str) -> Iterator[str]:
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:
     """Print the totals of every bus; anomalies that incidents explain are told with these."""
     console.width = max(console.width, NARROWEST)
-    with console.capture() as printed:
+    with unpadded(console):
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
                 console.print()
@@ -102,9 +99,6 @@ def print_summary(summary: Summary, console: Console, incidents: Sequence[Incide
                     console.print()
                 mine = [i for i in incidents if i.bus == name]
                 _print_bus(name, each, summary, console, mine)
-    # tables are padded to their width: nobody wants that in a file
-    lines = printed.get().replace(GLUE, " ").splitlines()
-    console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
 
 
 def _print_shared(name: str, b: BusTotals, console: Console) -> None:

@@ -14,7 +14,7 @@ from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import NARROWEST, console_for, glued, room_in, unfold, without_padding
+from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 from sniffer.statistics.lags import whole_ms
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sniffer.statistics.sink import Statistics
-
-WIDE: Final = 140
-"""Columns that curves have room in where what is printed goes into a pipe or a file, unless
-``COLUMNS`` says otherwise; sentences are lines there."""
 
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
@@ -58,19 +54,13 @@ def print_stats(
     """
     console = console or console_for()
     tables = figures.get("selection", {}).get("tables")
-    room = room_in(console)
-    width = WIDE if room is None else max(room, NARROWEST)
-    console.width = width
-    unfold(console)
-    with console.capture() as printed:
+    width = tables_in(console)
+    has_bars = console.encoding.lower().startswith("utf")
+    with unpadded(console, None if has_bars else str.maketrans(BARS, PLAIN_BARS)):
         for nth, bus in enumerate(_selected(figures["buses"], tables)):
             if nth:
                 console.print()
             _print_bus(bus, statistics, console, width, most, how, tables)
-    text = without_padding(printed.get())
-    if not console.encoding.lower().startswith("utf"):
-        text = text.translate(str.maketrans(BARS, PLAIN_BARS))
-    console.file.write(text)
 
 
 def _selected(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import REQUEST, WHOLE
@@ -59,17 +58,12 @@ class RegisterBook:
     """A sink that keeps what was said of each register, in memory that does not grow with time."""
 
     def __init__(self) -> None:
-        self.names = ServoNames()
         self.began_ns: dict[str, int] = {}
         """When each bus that has a clock was heard first."""
         self._held: dict[tuple[str, int, int], HeldRegister] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: batches hold every byte."""
-
-    def call(self, names: ServoNames) -> None:
-        """Take what servos are called."""
-        self.names = names
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what a batch says of registers."""
