@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.model import Place
+from sniffer.diagnosis.refusals import OPS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
 SELDOM: Final = 1 / 3
 """Who answers a command answers nearly all of its likes, for that is a setting: so few are none."""
-
-_OPS: Final = 1 << 32
 
 
 class Volunteered(NamedTuple):
@@ -34,7 +33,7 @@ def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
     Held against what was said while it did, so one that is told to answer from now on is none.
     """
     told, kinds = case.ledger.optional.counted(), case.ledger.exchanges.kinds
-    to, op = np.array(kinds.servo_id), np.array(kinds.op) % _OPS
+    to, op = np.array(kinds.servo_id), np.array(kinds.op) % OPS
     out: dict[int, Volunteered] = {}
     columns = ("servo_id", "op", "n", "at", "length", "t_first", "t_last")
     for servo, of, n, at, length, first, last in zip(

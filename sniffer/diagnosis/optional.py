@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.refusals import OPS
 from sniffer.ground.codes import OK, Reply
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch
-
-_OPS: Final = 1 << 32
-"""Commands by the rest of this, as refusals have them."""
 
 _COLUMNS: Final = {
     "n": "sum",
@@ -41,7 +39,7 @@ class OptionalAnswers:
             return
         rows, asked = t.response[rows[free]], asked[free]
         self.counts.add(
-            (f.servo_id[rows].astype(np.int64) + 1) * _OPS + (frames.op[asked] & _OPS - 1),
+            (f.servo_id[rows].astype(np.int64) + 1) * OPS + (frames.op[asked] & OPS - 1),
             n=1,
             at=f.start[rows] + batch.base,
             length=f.length[rows],
@@ -52,4 +50,4 @@ class OptionalAnswers:
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``servo_id`` and ``op`` (its last 32 bits)."""
         key, columns = self.counts.table()
-        return {**columns, "op": key % _OPS, "servo_id": key // _OPS - 1}
+        return {**columns, "op": key % OPS, "servo_id": key // OPS - 1}

@@ -53,6 +53,13 @@ class Course:
         """Which rows are positions."""
         return ~np.isnan(self.position)
 
+    @property
+    def changes(self) -> I64:
+        """The rows from which on another goal holds, or none any more."""
+        goal = np.concatenate([[self.before], self.goal])
+        none = np.isnan(goal)  # NaN differs from itself: a goal that ends is a change once
+        return np.flatnonzero((goal[1:] != goal[:-1]) & ~(none[1:] & none[:-1]))
+
 
 class Follower:
     """Carries the goals of all servos of one protocol from batch to batch."""

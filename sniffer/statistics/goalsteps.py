@@ -97,10 +97,7 @@ class GoalSteps:
     def add(self, course: Course) -> None:
         """Take the positions and goals of one servo."""
         key = course.servo_id, course.unit
-        # NaN differs from itself: a goal that ends is a change once
-        goal = np.concatenate([[course.before], course.goal])
-        none = np.isnan(goal)
-        changes = np.flatnonzero((goal[1:] != goal[:-1]) & ~(none[1:] & none[:-1]))
+        changes = course.changes
         measured = np.flatnonzero(course.measured)
         if not len(changes):
             self._go_on(key, course, measured)

@@ -97,9 +97,7 @@ class _Shifted:
 
     def add(self, course: Course) -> None:
         """Take more of its goals and positions."""
-        told = np.concatenate([[course.before], course.goal])
-        none = np.isnan(told)
-        changes = np.flatnonzero((told[1:] != told[:-1]) & ~(none[1:] & none[:-1]))
+        changes = course.changes
         times = np.concatenate([self.t_ns, course.t_ns[changes]])
         times = np.maximum.accumulate(times)
         goals = np.concatenate([self.goal, course.goal[changes]])
