@@ -14,7 +14,7 @@ from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 STATE = (0x2A, 18)
 """Position, time, speed, current, temperature and voltage, and six zeros behind them."""
@@ -256,25 +256,30 @@ def test_frames_of_another_make_are_no_line_that_falls_though_they_come_for_seco
     assert "line-babbles" not in codes(robot("rs30x", 14, rate_hz=20, behind=behind).diagnosed())
 
 
-def held_within_answers(wait_ms: float) -> set[str]:
-    """A line falls low within answers and stays so; servo 1 answers garbled, and who asks waits."""
-    rng = random.Random(3)
-    talk = Conversation("rs30x")
+def asked_in_turn(talk: Conversation) -> Iterator[tuple[int, int, bytes]]:
+    """Ask three servos in turn; yield the cycle, the servo, and what it is to answer now."""
     for cycle in range(500):
         talk.until(cycle / 40)
         for servo in (1, 2, 3):
             talk.say(talk.tongue.ask(servo))
             talk.rest(0.3)
-            answer = talk.tongue.answer(servo, 0.4)
-            if servo == 3 and cycle in (60, 130, 190):
-                talk.say(answer[: rng.randint(4, 8)] + b"\0")
-                talk.rest(400)
-            elif servo == 1 and cycle > 250 and rng.random() < 0.5:
-                talk.say(turned(rng, answer[:-1] + b"\0"))
-                talk.rest(wait_ms)
-            else:
-                talk.say(answer)
-                talk.rest(2)
+            yield cycle, servo, talk.tongue.answer(servo, 0.4)
+
+
+def held_within_answers(wait_ms: float) -> set[str]:
+    """A line falls low within answers and stays so; servo 1 answers garbled, and who asks waits."""
+    rng = random.Random(3)
+    talk = Conversation("rs30x")
+    for cycle, servo, answer in asked_in_turn(talk):
+        if servo == 3 and cycle in (60, 130, 190):
+            talk.say(answer[: rng.randint(4, 8)] + b"\0")
+            talk.rest(400)
+        elif servo == 1 and cycle > 250 and rng.random() < 0.5:
+            talk.say(turned(rng, answer[:-1] + b"\0"))
+            talk.rest(wait_ms)
+        else:
+            talk.say(answer)
+            talk.rest(2)
     return codes(talk.diagnosed())
 
 
@@ -289,19 +294,14 @@ def test_a_silence_as_long_as_the_controller_waits_for_answers_is_the_controller
 def test_two_of_many_torn_places_that_end_low_are_no_line_that_is_held() -> None:
     rng = random.Random(5)
     talk = Conversation("rs30x")
-    for cycle in range(500):
-        talk.until(cycle / 40)
-        for servo in (1, 2, 3):
-            talk.say(talk.tongue.ask(servo))
-            talk.rest(0.3)
-            answer = talk.tongue.answer(servo, 0.4)
-            if servo == 3 and cycle in (130, 190):
-                talk.say(answer[:6] + b"\0")
-                talk.rest(400)
-            elif rng.random() < 0.1:
-                talk.say(turned(rng, answer))
-                talk.rest(4)
-            else:
-                talk.say(answer)
-                talk.rest(2)
+    for cycle, servo, answer in asked_in_turn(talk):
+        if servo == 3 and cycle in (130, 190):
+            talk.say(answer[:6] + b"\0")
+            talk.rest(400)
+        elif rng.random() < 0.1:
+            talk.say(turned(rng, answer))
+            talk.rest(4)
+        else:
+            talk.say(answer)
+            talk.rest(2)
     assert "held-low" not in codes(talk.diagnosed())

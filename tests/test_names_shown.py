@@ -52,21 +52,6 @@ def test_tables_have_the_names_that_a_recording_has_each_bus_its_own(
     assert "wrist" not in of_bus(shown, "leg")
 
 
-@pytest.mark.parametrize("columns", ["80", "140"])
-@pytest.mark.parametrize("told", [(), ("--name", f"1={LONG}")])
-def test_both_bounds_of_a_histogram_stand_over_one_axis(
-    told: tuple[str, ...], columns: str
-) -> None:
-    shown = sniffer("stats", DAMAGED, *told, env={"COLUMNS": columns}).out
-    lines = shown.splitlines()
-    heads = [n for n, line in enumerate(lines) if " took at least  " in line]
-    assert len(heads) == 3
-    ends = {lines[n].index("took at least") + len("took at least") for n in heads}
-    ends |= {lines[n + 1].index("at most") + len("at most") for n in heads}
-    assert len(ends) == 1, "the lower bound was drawn a bin to the right of the upper one"
-    assert max(map(len, lines)) <= int(columns)
-
-
 def test_a_name_told_now_stands_in_place_of_the_one_that_was_recorded(both: Path) -> None:
     shown = sniffer("stats", both, "--name", "2=hand").out
     assert "2 hand" in of_bus(shown, "arm")
