@@ -13,7 +13,7 @@ import pytest
 
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError
 from sniffer.ground.timing import byte_time_ns
-from sniffer.jobs.replay import STEP_NS, paced, peek, steps, timed
+from sniffer.jobs.replay import NAP_S, STEP_NS, nap, paced, peek, steps, timed
 from tests.commands import COMMAND, Ran, environment, log, sniffer, talk, within
 from tests.terminals import PATIENCE_S
 
@@ -283,6 +283,19 @@ def test_a_loop_ends_when_nobody_listens(recording: Path) -> None:
         assert process.stdout.readline().startswith("time")
         process.stdout.close()
         assert process.wait(PATIENCE_S) == 0
+
+
+def test_a_long_pause_is_slept_in_pieces_so_that_no_key_is_missed_for_all_of_it() -> None:
+    slept: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        time.sleep(seconds / 10)  # what wakes up too soon sleeps on
+
+    began = time.monotonic()
+    nap(0.6, sleep)
+    assert time.monotonic() - began >= 0.6
+    assert max(slept) <= NAP_S
 
 
 @Posix

@@ -41,6 +41,9 @@ STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for
 one chunk as for all of them, and eyes see no more."""
 
+NAP_S: Final = 0.25
+"""How long a key may wait that is pressed right before a sleep."""
+
 
 def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chunk]]:
     """Return the first chunks, ``size`` bytes or a little more, and all of them again."""
@@ -98,13 +101,24 @@ def steps(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
         yield group
 
 
+def nap(seconds: float, sleep: Callable[[float], None] = time.sleep) -> None:
+    """Sleep in pieces: Ctrl-C that comes right before Python begins to sleep is heard behind it.
+
+    Handlers of signals run between two steps of the interpreter. One that comes when the last of
+    them is over, and the system call has not begun, cuts no sleep short.
+    """
+    until = time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0:
+        sleep(min(left, NAP_S))
+
+
 def paced(
     groups: Iterable[list[Chunk]],
     speed: float,
     *,
     ends: tuple[int | None, int | None] = (None, None),
     now: Callable[[], int] = time.monotonic_ns,
-    sleep: Callable[[float], None] = time.sleep,
+    sleep: Callable[[float], None] = nap,
 ) -> Iterator[list[Chunk]]:
     """Yield each group at its own moment; ``speed`` 0 does not wait at all.
 
