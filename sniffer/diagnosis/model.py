@@ -57,6 +57,11 @@ PERCENT_MOST: Final = 99
 """So sure people are told that a cause is, in percent, however much speaks for it."""
 
 
+def percent_sure(confidence: float) -> int:
+    """Return a confidence as people are told it: what is weighed is never certain."""
+    return min(round(100 * confidence), PERCENT_MOST)
+
+
 class Reason(NamedTuple):
     """One line of the weighing: what a finding counts for a cause, and why.
 
@@ -89,8 +94,8 @@ class Ranked:
 
     @property
     def percent(self) -> int:
-        """How sure it is as people are told, 99 at most: what is weighed is never certain."""
-        return min(round(100 * self.confidence), PERCENT_MOST)
+        """How sure it is as people are told."""
+        return percent_sure(self.confidence)
 
 
 @dataclass(frozen=True, slots=True)

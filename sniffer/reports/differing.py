@@ -10,6 +10,7 @@ import numpy as np
 
 from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
+from sniffer.diagnosis.model import percent_sure
 from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import counted
 from sniffer.reports.content import happened
@@ -74,7 +75,7 @@ class RunDifference:
         if self.test == EXACT:
             sure = "certain"
         if self.test == DIAGNOSED:
-            sure = f"{self.name}, {1 - self.p:.0%} sure; `sniffer diagnose` weighs it"
+            sure = f"{self.name}, {percent_sure(1 - self.p)} % sure; `sniffer diagnose` weighs it"
         if "n" in self.a and self.test != EXACT:
             sure += f", n {self.a['n']} and {self.b['n']}"
         if self.effect is not None:
