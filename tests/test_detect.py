@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import random
 from dataclasses import replace
@@ -34,6 +35,7 @@ SAMPLES = Path(__file__).parents[1] / "sample_captures"
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 
 
+@functools.cache
 def heard(name: str, seconds: float = 2) -> bytes:
     """Return what a simulated bus says."""
     return b"".join(frame.wire for frame in simulate(name, seed=3, duration_s=seconds))
@@ -55,6 +57,20 @@ def test_each_protocol_is_told_from_any_talk(name: str, data: st.DataObject) -> 
     talk = b"".join(data.draw(st.lists(module(name).TALK, min_size=3, max_size=8)))
     talk += heard(name, 0.3)
     assert detect([Chunk(talk)]).protocol == name
+
+
+def test_one_long_frame_that_many_of_another_protocol_make_up_is_chance() -> None:
+    """FF FF before FF E0 FB is the head of a mightyZAP frame of 256 bytes, whose sum is right."""
+    talk = bytes.fromhex("ff 00 00 00" * 3 + "ff e1 64 ff ff 05 ff ff ff e0 fb a0 60 5b")
+    talk += bytes.fromhex("ff ff c8 30 78 8e e9 ff 44 01 45 ff ff aa 55 aa 55 37 ba 10 ff ff")
+    talk += bytes.fromhex("aa 55 aa 55 37 ba 10 00 00 00 00 00 00 ff ff aa 55 aa 55 37 ba 10")
+    talk += bytes.fromhex("01 00 00 00 06 ff ff ff ff 00 01 01 ff ff aa 55 aa 55 37 ba 12 01")
+    talk += bytes.fromhex("00 00 00 06") + heard("wck", 0.3)
+    mighty = Block(np.frombuffer(talk, np.uint8), np.empty(0, np.int64), True)
+    spans, _ = PROTOCOLS["mightyzap"].frame(mighty)
+    assert max(spans.end - spans.start) == 256
+    found = detect([Chunk(talk)])
+    assert (found.protocol, found.scores["mightyzap"]) == ("wck", 0)
 
 
 @EVERY

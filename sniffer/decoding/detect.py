@@ -8,7 +8,13 @@ Every candidate frames the same bytes, and each of its frames is held against th
 
 A frame inside a longer one of another protocol does not count. Nor does one that its own protocol
 takes for unknown or malformed, if another one reads the very same bytes as it should. What holds
-for both counts for both: a tie stays one, and is told.
+for both counts for both: a tie stays one, and is told. But where several frames of a protocol of
+which there are more make up most of the longer one, that is the chance of one checksum against
+those of many, and the longer one does not count:
+
+    bytes          FF FF FF E0 FB A0 60 5B FF 44 01 45 FF .. .. .. FF .. .. .. FF ..
+    wck                  [2 .......... 8)[8 ... 12)[12 ...)[...  dozens in a row
+    mightyzap     [0 ............................................... 256)  one, of size FB
 
 To compare how much each explains in all is not enough. Of a damaged mightyZAP stream Dynamixel 1
 explains more: its frames are shorter, so more of them stay whole.
@@ -58,6 +64,9 @@ FEW: Final = 0.05
 
 FRAMES: Final = 3
 """Frames that are no chance."""
+
+MOST: Final = 0.5
+"""Share of a frame that frames of another protocol within it make up where it is one by chance."""
 
 BESIDE: Final = 0.05
 """Share of the bytes, all left over by the best, from which another protocol is heard beside it."""
@@ -280,7 +289,18 @@ class _Heard:
         same = (other.start[row] == self.start) & (other.end[row] == self.end)
         if same.any():
             inside &= np.where(same, other.sound[row] & ~self.sound, True)
+        if len(self.start) > len(other.start):
+            chance = self._makes_up(other, row, inside)
+            other.counts &= ~chance
+            inside &= ~chance[row]
         self.counts &= ~inside
+
+    def _makes_up(self, other: _Heard, row: I64, inside: Mask) -> Mask:
+        """Return which frames of another candidate are ``FRAMES`` of this one and little else."""
+        within, rows = row[inside], len(other.start)
+        filled = np.bincount(within, (self.end - self.start)[inside], rows)
+        longest = (other.end - other.start) * MOST
+        return (np.bincount(within, minlength=rows) >= FRAMES) & (filled >= longest)
 
     def apart_from(self, other: _Heard) -> tuple[int, int]:
         """Return how many bytes are in frames that count and touch none of another, and those."""
