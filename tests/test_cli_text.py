@@ -19,6 +19,7 @@ from sniffer.decoding.rows import FrameRow, GapRow
 from sniffer.sinks.text import WIDE
 from sniffer.sinks.words import fit
 from tests.commands import COMMAND, damaged, environment, log, talk, within
+from tests.lists import in_turn
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import long
 from tests.terminals import PATIENCE_S
@@ -60,6 +61,7 @@ def table_of(text: str) -> tuple[str, list[str]]:
     return table[0], table[1:]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", NAMES)
 def test_no_line_is_wider_than_the_terminal(

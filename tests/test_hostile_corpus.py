@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from sniffer.ground.model import Chunk
 from tests import hostile, toollogs
 from tests.hostile import ANSWER, ASK, Answer, Victim, decoded, frame, sound
+from tests.lists import in_turn
 from tests.pcaps import pcap, urb, written
 from tests.recordings import START_NS
 
@@ -85,6 +86,7 @@ LESS: Final = settings(max_examples=max(settings().max_examples // 4, 10), deadl
 """Each example runs a whole command: a quarter of the usual number, a thousand with `make fuzz`."""
 
 
+@in_turn(2)
 @pytest.mark.parametrize("form", seeds())
 @pytest.mark.parametrize("named", [False, True], ids=["recognised", "named"])
 @LESS

@@ -9,6 +9,7 @@ import pytest
 
 from sniffer.ground.model import NS
 from sniffer.simulation import BUSES, TrueFrame
+from tests.lists import in_turn
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned
 from tests.taps import MS, RX, START_NS, TX, Bus, Pair, pairs, tap
@@ -75,6 +76,7 @@ def all_at_once(
     return Bus(name, frames, tx, rx, max(latency) * MS), true
 
 
+@in_turn(3)
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 @pytest.mark.parametrize("name", ASKS)
 @pytest.mark.parametrize("lost", [0.0, 0.05], ids=["all answer", "some are silent"])

@@ -29,6 +29,7 @@ from sniffer.inside.words import line_words
 from sniffer.sources import open_source
 from tests.commands import sniffer as command
 from tests.commands import two_buses
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,6 +62,7 @@ def judged(view: LineView) -> LineView:
     return view
 
 
+@in_turn(2)
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
 def test_the_lines_are_the_frames_and_gaps_that_decoding_tells(path: Path) -> None:
     index = indexed(path)
@@ -251,6 +253,7 @@ def test_a_search_goes_on_and_round_for_bytes_and_words(index: CaptureIndex) -> 
     assert found(answer, judged(view).count) == 0, "an exchange has the bytes of its answer"
 
 
+@in_turn(4)
 @pytest.mark.parametrize("exchanges", [False, True])
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
 def test_a_search_looks_at_what_the_lines_show(path: Path, exchanges: bool) -> None:

@@ -24,7 +24,7 @@ from sniffer.simulation.render import frame_reads, usb_reads
 from sniffer.sources import open_source
 from tests.commands import sniffer
 from tests.hosts import MS, lines, reads, truths
-from tests.lists import each_in_turn
+from tests.lists import each_in_turn, in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -92,6 +92,7 @@ def stamped(told: Iterable[tuple[int, bytes]]) -> list[Chunk]:
     return [Chunk(data, t, Clock.FILE) for t, data in told]
 
 
+@in_turn(2)
 @EVERY
 @pytest.mark.parametrize("form", [reads, lines, usb_reads])
 @pytest.mark.parametrize("stated", [True, False])

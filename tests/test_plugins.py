@@ -13,6 +13,7 @@ from sniffer.ground.registers import RegisterMap, load_models, schema_path
 from sniffer.protocols import PROTOCOLS, protocol_named
 from sniffer.protocols.tables import with_tables
 from tests.commands import environment
+from tests.lists import in_turn
 from tests.plugin import NAME, PACKAGE, install, table, write_facts, write_module
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ BROKEN = {
 }
 
 
+@in_turn(2)
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_plug_in_that_cannot_be_used_is_told_in_one_warning_and_left_out(
     name: str, tmp_path: Path

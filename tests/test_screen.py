@@ -25,6 +25,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.screen import BOARD, LINE, LOG, Screen
 from tests.commands import environment
+from tests.lists import in_turn
 from tests.terminals import PATIENCE_S
 from tests.wires import feed, lines_of, status_of, wire
 
@@ -312,6 +313,7 @@ ENDS: Final[Mapping[str, str]] = {
 }
 
 
+@in_turn(2)
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize(("kind", "mode"), [("terminal", BOARD), ("pipe", LOG), ("pipe", LINE)])
 def test_a_program_ends_whose_output_nobody_takes(kind: str, mode: str, end: str) -> None:

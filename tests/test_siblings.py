@@ -7,6 +7,7 @@ import pytest
 from sniffer.decoding.decoder import Decoder
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, simulate
+from tests.lists import in_turn
 
 SIBLINGS = [(name, model) for name, bus in BUSES.items() for model in bus.tables]
 SEEDS, SECONDS = range(3), 3
@@ -32,6 +33,7 @@ def verdicts(name: str, model: str, seed: int, *, begun: bool) -> dict[str, int]
     return counts
 
 
+@in_turn(2)
 @pytest.mark.parametrize(("name", "model"), SIBLINGS)
 def test_a_conversation_with_a_sibling_tells_it_and_never_another(name: str, model: str) -> None:
     for seed in SEEDS:
@@ -42,6 +44,7 @@ def test_a_conversation_with_a_sibling_tells_it_and_never_another(name: str, mod
             assert set(found) <= {model, ""}
 
 
+@in_turn(3)
 @pytest.mark.parametrize(("name", "model"), SIBLINGS)
 def test_half_a_conversation_with_a_sibling_never_tells_another(name: str, model: str) -> None:
     for seed in SEEDS:

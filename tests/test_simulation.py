@@ -17,7 +17,7 @@ from sniffer.simulation import BUSES, LINE_FAULTS, Fault, TrueFrame, simulate
 from sniffer.simulation.captures import CAPTURES, MANUALS, VECTORS, manual, write
 from sniffer.simulation.render import candump, frame_reads, hexdump, raw, usb_reads, xxd
 from sniffer.sources import open_source
-from tests.lists import each_in_turn
+from tests.lists import each_in_turn, in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -209,6 +209,7 @@ def test_samples_are_the_true_values(name: str) -> None:
     assert {at: sorted(values) for at, values in got.values.items()} == stated
 
 
+@in_turn(2)
 @EVERY_DECODED
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_a_damaged_run_is_decoded_as_far_as_it_is_whole(name: str, seed: int) -> None:

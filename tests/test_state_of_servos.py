@@ -14,6 +14,7 @@ import sniffer
 from sniffer.ground.registers import schema_path
 from tests.commands import within
 from tests.golden import captures
+from tests.lists import in_turn
 from tests.streams.mightyzap import packet
 
 SCHEMA = json.loads(schema_path("state.schema.json").read_text(encoding="utf-8"))
@@ -31,6 +32,7 @@ def told(capsys: Capsys, *arguments: str | Path) -> list[dict[str, Any]]:
     return records
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
 def test_what_registers_held_is_what_the_samples_say(capture: Path, capsys: Capsys) -> None:
     pytest.importorskip("pyarrow", reason="samples as a table are the oracle")

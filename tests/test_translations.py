@@ -14,6 +14,7 @@ from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.conversations import TONGUES, Conversation, robot, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import in_turn
 from tests.streams import rs30x
 from tests.test_diagnosis_tap import holes, one_wire
 
@@ -96,6 +97,7 @@ def altered(chunks: list[Chunk], alter: Alter) -> list[Chunk]:
     return [replace(first, data=data[k : k + 256]) for k in range(0, len(data), 256)]
 
 
+@in_turn(2)
 @pytest.mark.parametrize(("told", "protocol", "alter"), CASES, ids=named)
 def test_what_altered_a_capture_is_named_and_nobody_else_is_accused(
     told: str, protocol: str, alter: Alter
