@@ -18,7 +18,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.ends import torn_in_front
+from sniffer.diagnosis.rules.ends import EITHER, torn_in_front
 from sniffer.diagnosis.rules.outages import LostAnswers
 
 if TYPE_CHECKING:
@@ -58,9 +58,6 @@ FRONT: Final = 0.75
 
 TORN: Final = 2
 """Answers that must be torn so: what takes many whole, and tears none, is open for longer than a turn."""
-
-EITHER: Final = 0.5
-"""How often a contact that opens and closes at any time takes the beginning, and leaves the end."""
 
 CHANCE: Final = 0.05
 

@@ -253,6 +253,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("first-byte-torn", 0.1, "the second answer begins within the first byte"),
         ("one-way-bits", 0.1, "who pulls low wins"),
         ("last-bits", 0.1, "the second answer is some bits late"),
+        (
+            "strays-at-turn",
+            0.1,
+            "the end of a second answer stands behind the first, or before what is asked next",
+        ),
         ("clock-off", -3.0, "a clock that is off explains its torn answers"),
         ("same-bit", -0.5, "two answers choose a bit only where they differ in it each time"),
         ("voltage-sag", 0.1, "what holds by chance says anything"),
