@@ -62,6 +62,7 @@ WEIGHTS: Final = (
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
         ("streams-apart", -2.0, "two loops keep two times"),
+        ("rounds-cross", -2.0, "one loop keeps its order"),
         ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
@@ -292,6 +293,7 @@ WEIGHTS: Final = (
             for code in (
                 "unrelated-periods",
                 "streams-apart",
+                "rounds-cross",
                 "interleaved-requests",
                 "loop-jitters",
             )

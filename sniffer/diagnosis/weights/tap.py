@@ -103,6 +103,7 @@ WEIGHTS: Final = (
                 "joint-stalled",
                 "joint-limp-after-restart",
                 "unrelated-periods",
+                "rounds-cross",
             )
         ),
         ("damage-one-servo", 0.2, "answers lack bytes, by chance most of one servo"),
