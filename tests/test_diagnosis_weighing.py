@@ -113,8 +113,18 @@ def test_bare_second_answers_may_be_anothers_where_no_time_tells(
 
     talk = robot("wck", 6, instead=instead, goals=False)
     chunks = heard(talk.chunks)
-    (twice,) = [f for f in found(talk.diagnosed(chunks)) if f.code == "answers-twice"]
-    assert ("no time tells" in twice.what) == (chunks is not talk.chunks)
+    judged = talk.diagnosed(chunks)
+    (twice,) = [f for f in found(judged) if f.code == "answers-twice"]
+    (one,) = [i for i in judged.incidents() if i.cause == "duplicate-id"]
+    assert one.servo_ids == (2,)
+    if chunks is talk.chunks:
+        assert not twice.may_be
+        assert one.causes[0].confidence > 0.9
+    else:
+        assert twice.may_be == (1,)
+        assert one.causes[0].confidence <= 0.5
+        assert one.next.startswith("Disconnect servo after servo")
+        assert one.next.endswith("(It may be that of servo 1 instead.)")
 
 
 def strange(spoken_into: int) -> set[str]:

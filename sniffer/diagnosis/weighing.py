@@ -201,15 +201,17 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
             elif known.score < w.score:
                 rivals[rivals.index(known)] = w
     rivals.sort(key=lambda w: -w.score)
-    total = sum(math.exp(min(w.score * SHARPNESS, 50.0)) for w in rivals) + 1.0  # 1: none of them
+    odds = [math.exp(min(w.score * SHARPNESS, 50.0)) for w in rivals]
+    # 1: none of them; what may be another servo's is that one's as likely
+    total = sum(odds) + odds[rivals.index(best)] * len(key.may_be) + 1.0
     ranked = tuple(
         Ranked(
             w.cause.slug,
-            math.exp(min(w.score * SHARPNESS, 50.0)) / total,
+            odd / total,
             _why(w),
             w.reasons,
         )
-        for w in rivals[:SHOWN]
+        for w, odd in zip(rivals[:SHOWN], odds, strict=False)
     )
     return Explained(_whose(best), best.explained, ranked, key)
 
