@@ -116,11 +116,11 @@ def test_bare_second_answers_may_be_anothers_where_no_time_tells(
     judged = talk.diagnosed(chunks)
     (twice,) = [f for f in found(judged) if f.code == "answers-twice"]
     (one,) = [i for i in judged.incidents() if i.cause == "duplicate-id"]
-    assert one.servo_ids == (2,)
     if chunks is talk.chunks:
         assert not twice.may_be
         assert one.causes[0].confidence > 0.9
     else:
+        assert one.servo_ids == (2,)
         assert twice.may_be == (1,)
         assert one.causes[0].confidence <= 0.5
         assert one.next.startswith("Disconnect servo after servo")
