@@ -59,6 +59,18 @@ def test_strays_at_the_turn_are_of_two_servos_with_one_id_where_there_are_two() 
     assert [e.causes[0].cause for e in explain(strays)] == ["turnaround"]
 
 
+def test_the_same_bytes_time_and_again_are_no_two_requests_at_once() -> None:
+    torn = [told(code) for code in ("damage-in-requests", "requests-run-together")]
+    assert [e.causes[0].cause for e in explain(torn)] == ["two-masters"]
+    (one,) = explain([*torn, told("same-bytes-torn", servo_id=3)])
+    assert one.causes[0].cause == "malformed-command"
+
+
+def test_bare_answers_without_requests_are_torn_by_their_looks_alone() -> None:
+    heard = [told(code) for code in ("nobody-asks", "noise", "damage-everywhere")]
+    assert [e.causes[0].cause for e in explain(heard)] == ["tap-one-way"]
+
+
 @pytest.mark.parametrize(("begins", "ends", "counts"), [(3, 1, 0.2), (6, 2, 0.3), (12, 0, 1.0)])
 def test_beginnings_that_a_contact_takes_as_often_by_chance_tell_little(
     begins: int, ends: int, counts: float

@@ -16,7 +16,14 @@ _MIXED: Final = ("answers-spoken-into", -2.5, "what is torn is torn for as long 
 WEIGHTS: Final = (
     *(
         weight
-        for cause in ("bus-noise", "signal-integrity", "turnaround", "duplicate-id", "clock-drift")
+        for cause in (
+            "bus-noise",
+            "signal-integrity",
+            "turnaround",
+            "duplicate-id",
+            "clock-drift",
+            "two-masters",
+        )
         for weight in for_(
             cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
         )
