@@ -42,6 +42,7 @@ from sniffer.diagnosis.rules import (
     rhythms,
 )
 from tests.conversations import Conversation, robot
+from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
 from tests.test_sums import alone, longer
 
@@ -237,6 +238,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "late twins": lambda: twins(1_500_000, "mightyzap", Clash.AND),
         "two masters": two_masters,
         "two loops": two_loops,
+        "two rounds": lambda: codes(two_rounds(31, 43, apart_ms=0.2).diagnosed()),
         "two of one period": two_of_one_period,
         "sparks of all": sparks_of_all,
         "two makes": two_makes,
@@ -276,6 +278,7 @@ TOLD: Final = (
     ("streams-apart", "two loops", "contact"),
     ("interleaved-requests", "two masters", "contact"),
     ("unrelated-periods", "two loops", "contact"),
+    ("rounds-cross", "two rounds", "contact"),
     ("rhythms-meet", "two of one period", "two loops"),
     ("comes-and-goes", "contact", "noise"),
     ("lost-together", "loose branch", "contact of one"),

@@ -140,4 +140,6 @@ def test_how_likely_an_order_is_by_chance_is_one_in_all_orders() -> None:
     assert by_chance([1, 2, 3], [0.1, 0.2, 0.3]) == 1.0
     assert by_chance([2, 1, 3, 4], [0.2, 0.3, 0.1, 0.0]) == pytest.approx(1 / 24)
     assert by_chance(range(12), [0.1] * 12) == 1.0
+    assert by_chance([0, 0, 0], [0.3, 0.2, 0.1]) == 1.0  # all in one packet
+    assert by_chance([1, 1, 2], [0.3, 0.2, 0.1]) == pytest.approx(1 / 3)
     assert by_chance(range(12), [1 / (k + 1) for k in range(12)]) < 0.01

@@ -17,11 +17,20 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Chunk
 
-MANNERS = ("damage-while-moving", "damage-behind-steps", "soonest-lost")
+MANNERS = (
+    "damage-while-moving",
+    "damage-behind-steps",
+    "soonest-lost",
+    "first-byte-torn",
+    "last-byte-torn",
+    "same-bit",
+    "late-edges",
+    "late-bits",
+)
 
 
-def told(code: str, strength: float = 1.0) -> Finding:
-    return Finding(code, None, T0, T0 + 10**10, 20, code, strength=strength)
+def told(code: str, strength: float = 1.0, servo_id: int | None = None) -> Finding:
+    return Finding(code, servo_id, T0, T0 + 10**10, 20, code, strength=strength)
 
 
 @pytest.mark.parametrize("manner", MANNERS)
@@ -35,6 +44,53 @@ def test_a_way_in_which_damage_comes_is_no_fault_beside_the_one_that_has_the_dam
 def test_damage_that_comes_in_a_way_is_told_by_it(manner: str) -> None:
     (one,) = explain([told(manner), told("bad-checksum"), told("damaged-response")])
     assert len(one.findings) == 3
+
+
+def test_a_way_in_which_one_servos_answers_are_torn_is_not_of_what_befell_another() -> None:
+    torn = [told("first-byte-torn", servo_id=6), told("strays-anywhere", servo_id=None)]
+    assert not explain([*torn, told("damaged-frame", servo_id=1)])
+    assert explain([*torn, told("damaged-frame", servo_id=6)])
+
+
+def test_strays_at_the_turn_are_of_two_servos_with_one_id_where_there_are_two() -> None:
+    strays = [told("strays-at-turn", 0.8), told("truncated-frame")]
+    twins = [told(code, servo_id=4) for code in ("answers-always-torn", "damage-one-servo")]
+    assert [e.causes[0].cause for e in explain([*twins, *strays])] == ["duplicate-id"]
+    assert [e.causes[0].cause for e in explain(strays)] == ["turnaround"]
+
+
+def test_the_same_bytes_time_and_again_are_no_two_requests_at_once() -> None:
+    torn = [told(code) for code in ("damage-in-requests", "requests-run-together")]
+    assert [e.causes[0].cause for e in explain(torn)] == ["two-masters"]
+    (one,) = explain([*torn, told("same-bytes-torn", servo_id=3)])
+    assert one.causes[0].cause == "malformed-command"
+
+
+def test_bare_answers_without_requests_are_torn_by_their_looks_alone() -> None:
+    heard = [told(code) for code in ("nobody-asks", "noise", "damage-everywhere")]
+    assert [e.causes[0].cause for e in explain(heard)] == ["tap-one-way"]
+
+
+@pytest.mark.parametrize(("begins", "ends", "counts"), [(3, 1, 0.2), (6, 2, 0.3), (12, 0, 1.0)])
+def test_beginnings_that_a_contact_takes_as_often_by_chance_tell_little(
+    begins: int, ends: int, counts: float
+) -> None:
+    """A contact opens within an answer as often as it closes there."""
+    lost = [*[slice(2, None)] * begins, *[slice(0, -3)] * ends]
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 1 or cycle % 10 != 5 or not lost:
+            return False
+        part = lost.pop()
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s))[part])
+        talk.rest(0.5)
+        return True
+
+    torn = found(robot("mightyzap", 8, instead=instead, goals=False).diagnosed())
+    (first,) = [f for f in torn if f.code == "first-byte-torn"]
+    assert first.strength == pytest.approx(counts, abs=0.1)
 
 
 def test_motion_with_which_noise_goes_by_chance_leaves_it_open_what_it_is() -> None:
@@ -69,8 +125,18 @@ def test_bare_second_answers_may_be_anothers_where_no_time_tells(
 
     talk = robot("wck", 6, instead=instead, goals=False)
     chunks = heard(talk.chunks)
-    (twice,) = [f for f in found(talk.diagnosed(chunks)) if f.code == "answers-twice"]
-    assert ("no time tells" in twice.what) == (chunks is not talk.chunks)
+    judged = talk.diagnosed(chunks)
+    (twice,) = [f for f in found(judged) if f.code == "answers-twice"]
+    (one,) = [i for i in judged.incidents() if i.cause == "duplicate-id"]
+    if chunks is talk.chunks:
+        assert not twice.may_be
+        assert one.causes[0].confidence > 0.9
+    else:
+        assert one.servo_ids == (2,)
+        assert twice.may_be == (1,)
+        assert one.causes[0].confidence <= 0.5
+        assert one.next.startswith("Disconnect servo after servo")
+        assert one.next.endswith("(It may be that of servo 1 instead.)")
 
 
 def strange(spoken_into: int) -> set[str]:

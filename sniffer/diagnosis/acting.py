@@ -30,9 +30,11 @@ def next_of(case: Case, explained: Explained) -> str:
     # what the tap itself told knows better than its cause what became of it
     told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
     where = _where(case, cause.concerns, explained.servo_ids)
-    if first.confidence < SURE and others:
+    may_be = [f"that of servo {servo}" for servo in explained.key.may_be]
+    may_be += [CAUSES[others[0].cause].title] if others else []
+    if first.confidence < SURE and may_be:
         settle = (sign and sign.settle) or cause.settle
-        return f"{settle}{where} (It may be {CAUSES[others[0].cause].title} instead.)"
+        return f"{settle}{where} (It may be {may_be[0]} instead.)"
     return ((sign and sign.remedy) or told or cause.remedy) + where
 
 

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 def at_least(k: int, n: int, p: float) -> float:
@@ -21,6 +25,23 @@ def at_least(k: int, n: int, p: float) -> float:
     ]
     most = max(logs)
     return min(math.exp(most) * sum(math.exp(x - most) for x in logs), 1.0)
+
+
+def so_even(spans: Sequence[float]) -> float:
+    """Return how likely the times between events that come at any time are so even, or more so.
+
+    Moran's test: twice the log of what an even pace makes likelier has a chi-squared distribution
+    with one degree of freedom less than there are times; its lower tail is taken by the cube root
+    of Wilson and Hilferty.
+    """
+    n = len(spans)
+    if n < 2 or min(spans) <= 0:
+        return 1.0
+    # all alike it is nothing, but for rounding
+    uneven = max(math.log(sum(spans) / n) - sum(map(math.log, spans)) / n, 0.0)
+    squares = 2 * n * uneven / (1 + (n + 1) / (6 * n)) / (n - 1)
+    part = 2 / (9 * (n - 1))
+    return 0.5 * math.erfc((1 - part - squares ** (1 / 3)) / math.sqrt(2 * part))
 
 
 def sureness(chance: float, enough: float = 1e-6) -> float:

@@ -29,7 +29,8 @@ class Finding:
     is less sure than one that saw three hundred. ``what`` is a sentence with the numbers, ``brief``
     the few words that it has in a story. ``episodes`` are the moments it is about, (first, last) in
     ns, where there are several. ``values`` are its numbers by name. ``is_own``: it tells of its
-    servo and of nobody else, so no cause that is not a servo's explains it.
+    servo and of nobody else, so no cause that is not a servo's explains it. ``may_be``: servos of
+    which it may tell as well, and nothing says of which.
     """
 
     code: str
@@ -44,6 +45,7 @@ class Finding:
     episodes: tuple[tuple[int, int], ...] = ()
     values: tuple[tuple[str, float], ...] = ()
     is_own: bool = False
+    may_be: tuple[int, ...] = ()
 
     def value(self, name: str, otherwise: float = 0.0) -> float:
         """Return one of its numbers."""

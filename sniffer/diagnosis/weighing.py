@@ -108,12 +108,27 @@ def _of_another(best: Weighed, left: Sequence[Finding], all_found: Sequence[Find
 
 def _best(left: Sequence[Finding], all_found: Sequence[Finding]) -> Weighed | None:
     """Return the cause that scores highest on what is left."""
-    weighed = [
-        w
-        for w in weigh(left, all_found)
-        if w.score > LEAST and not all(_declared(f.code).is_manner for f in w.explained)
-    ]
+    weighed = [w for w in weigh(left, all_found) if w.score > LEAST and _is_of_something(w)]
     return max(weighed, key=lambda w: (w.score, -_order(w.cause)), default=None)
+
+
+def _is_of_something(w: Weighed) -> bool:
+    """Tell whether what a cause explains is more than the manner in which something came.
+
+    Of what it came is told by other findings of the same servo; what a cause has beside the point
+    tells of nothing.
+    """
+    weights = WEIGHTS[w.cause.slug]
+    manners = [f.servo_id for f in w.explained if _declared(f.code).is_manner]
+    others = [
+        f.servo_id
+        for f in w.explained
+        if not _declared(f.code).is_manner
+        and (f.code not in FINDINGS or weights[f.code].is_key or weights[f.code].weight > SIDE)
+    ]
+    return any(
+        other is None or servo is None or servo == other for other in others for servo in manners
+    ) or (bool(others) and not manners)
 
 
 def weigh(left: Sequence[Finding], all_found: Sequence[Finding]) -> list[Weighed]:
@@ -186,15 +201,17 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
             elif known.score < w.score:
                 rivals[rivals.index(known)] = w
     rivals.sort(key=lambda w: -w.score)
-    total = sum(math.exp(min(w.score * SHARPNESS, 50.0)) for w in rivals) + 1.0  # 1: none of them
+    odds = [math.exp(min(w.score * SHARPNESS, 50.0)) for w in rivals]
+    # 1: none of them; what may be another servo's is that one's as likely
+    total = sum(odds) + odds[rivals.index(best)] * len(key.may_be) + 1.0
     ranked = tuple(
         Ranked(
             w.cause.slug,
-            math.exp(min(w.score * SHARPNESS, 50.0)) / total,
+            odd / total,
             _why(w),
             w.reasons,
         )
-        for w in rivals[:SHOWN]
+        for w, odd in zip(rivals[:SHOWN], odds, strict=False)
     )
     return Explained(_whose(best), best.explained, ranked, key)
 

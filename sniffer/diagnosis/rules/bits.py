@@ -32,24 +32,28 @@ FINDINGS: Final = (
         "line",
         "It is always the same bit of a byte that is read wrong.",
         "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do.",
+        is_manner=True,
     ),
     FindingCode(
         "one-way-bits",
         "line",
         "Bits are read wrong in one direction only: always 1 as 0, or always 0 as 1.",
         "At least eight torn frames that single bits explain, nineteen in twenty of one direction, more than noise that prefers one by three to one would do.",
+        is_manner=True,
     ),
     FindingCode(
         "late-edges",
         "line",
         "Bits are read as the one before them on the line: the edge between them came too late.",
         "At least five misread bits, nine tenths of them equal to the bit sent before, and one way.",
+        is_manner=True,
     ),
     FindingCode(
         "late-bits",
         "line",
         "The bits that are misread, of several senders, are the last ones of their bytes.",
         "Torn frames that one bit explains, of two senders or more: nine tenths of them have it at bit 5 to 7 of a byte, or of ten and more at bit 4 to 7, which chance does not do.",
+        is_manner=True,
     ),
     FindingCode(
         "last-bits",

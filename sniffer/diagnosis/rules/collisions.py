@@ -82,6 +82,9 @@ def answers_twice(case: Case) -> Iterator[Finding]:
         traces += [(t.at, t.length, t.t_ns) for t in twin.behind]
         times = [t_ns for _, _, t_ns in traces] + twin.times
         events = case.anomalies("duplicate-response", servo_id=servo)
+        # where a second answer stands tells whose it is by its bytes, or by a time that is known
+        told_by = twin.torn or twin.foreign or twin.behind or twin.mixed
+        may_be = () if told_by else _asked_before(case, servo)
         yield Finding(
             "answers-twice",
             servo,
@@ -90,20 +93,29 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             twin.twice,
             f"servo {servo} answers twice in {case.total('ok', servo)} exchanges: "
             + ", ".join(told)
-            + (_or_of_one_before(case) if twin.twice == twin.whole else ""),
+            + "".join(
+                f"; they may as well be late ones of servo {other}, which is asked before it: no time tells"
+                for other in may_be
+            ),
             tuple(Place(*trace, "a trace of a second answer") for trace in traces[:2])
             + case.places(events, "a second answer", 2),
             strength=min(0.5 + twin.twice / 20, 1.0),
             brief=f"servo {servo} answers {twin.twice} requests twice",
+            may_be=may_be,
         )
 
 
-def _or_of_one_before(case: Case) -> str:
-    """Say that second answers may be another one's: bare ones tell nobody, and no sure time does."""
+def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
+    """Return whose second answers they may be: bare ones name nobody, and no sure time tells."""
     is_bare = case.protocol.ordered and not case.has_checksum
     if not is_bare or (case.has_clock and case.latency_ns <= EXACT_NS):
-        return ""
-    return "; they may as well be late ones of a servo that is asked before it: no time tells"
+        return ()
+    whom, f = case.ledger.exchanges.kinds.servo_id, case.ledger.exchanges.followers()
+    before: Counter[int] = Counter()
+    for kind, after, n in zip(*(f[c].tolist() for c in ("kind", "next", "n")), strict=True):
+        if min(kind, after) >= 0 and whom[after] == servo != whom[kind] in case.answering:
+            before[whom[kind]] += n
+    return tuple(other for other, _ in before.most_common(1))
 
 
 def answers_mixed(case: Case) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
@@ -25,13 +26,17 @@ FINDINGS: Final = (
         "first-byte-torn",
         "line",
         "It is the first byte of answers that is torn or missing.",
-        "At least three torn answers, three quarters of them with nothing wrong but the first byte or two.",
+        "At least three torn answers, three quarters of them with nothing wrong but the first byte or two; "
+        "it counts as much as chance seldom does so.",
+        is_manner=True,
     ),
     FindingCode(
         "last-byte-torn",
         "line",
         "It is the last byte of requests that is torn or missing.",
-        "At least three torn requests, three quarters of them with nothing wrong but the last byte.",
+        "At least three torn requests, three quarters of them with nothing wrong but the last byte; "
+        "it counts as much as chance seldom does so.",
+        is_manner=True,
     ),
 )
 
@@ -49,6 +54,15 @@ PROMPT: Final = 0.1
 EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
 """Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
 
+IN_FRONT: Final = 2
+"""Bytes of an answer's beginning: what is there when the direction changes may hit the second, too."""
+
+EITHER: Final = 0.5
+"""How often a contact that opens and closes at any time takes the beginning, and leaves the end."""
+
+ENOUGH: Final = 1e-3
+"""How likely it may be by chance where it counts in full."""
+
 BARE: Final = 2
 """Bytes of an answer without a header."""
 
@@ -64,7 +78,7 @@ def ends(case: Case) -> Iterator[Finding]:
             first,
             f"{len(first)} of {len(answers)} torn answers lack their first byte, or it is wrong",
             "the first byte of answers is torn",
-            _strength(first, answers),
+            _strength(first, answers, IN_FRONT),
         )
     last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
     if _mostly(last, requests):
@@ -73,7 +87,7 @@ def ends(case: Case) -> Iterator[Finding]:
             last,
             f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
             "the last byte of requests is torn",
-            _strength(last, requests),
+            _strength(last, requests, 1),
         )
 
 
@@ -132,9 +146,15 @@ def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
     return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
 
 
-def _strength(some: Sequence[Misread], torn: Sequence[Misread]) -> float:
-    """Return how much it counts: where one does not know of most where they are torn, it is little."""
-    return min(0.4 + 0.1 * len(some), 1.0) * min(len(some) / (MOST * len(torn)), 1.0)
+def _strength(some: Sequence[Misread], torn: Sequence[Misread], at_end: int) -> float:
+    """Return how much it counts: by its chance, and little where one does not know of most where they are torn.
+
+    Noise hits the bytes at one end, ``at_end`` of them, as often as any others.
+    """
+    known = [m for m in torn if m in some or m.shape in (FRONT, BACK) or _hit(m)]
+    chances = [at_end / max(m.damage.length, at_end) if _hit(m) else EITHER for m in known]
+    chance = at_least(len(some), len(known), sum(chances) / len(known))
+    return sureness(chance, ENOUGH) * min(len(some) / (MOST * len(torn)), 1.0)
 
 
 def _hit_in_front(m: Misread) -> bool:
@@ -142,7 +162,7 @@ def _hit_in_front(m: Misread) -> bool:
 
     What is there when the direction changes hits the one before the other.
     """
-    return _hit(m) and min(m.bytes_hit) == 0 and max(m.bytes_hit) <= 1
+    return _hit(m) and min(m.bytes_hit) == 0 and max(m.bytes_hit) < IN_FRONT
 
 
 def _hit(m: Misread) -> bool:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -29,6 +30,14 @@ FINDINGS: Final = (
         "pairing",
         "Requests come in two even periods of which neither is a multiple of the other.",
         "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other. It counts little where less is torn than by two who do not listen.",
+    ),
+    FindingCode(
+        "rounds-cross",
+        "pairing",
+        "Requests of one round stand between those of another, now here and now there.",
+        "A dozen times and more a request stands between two of which one usually follows the other, where it follows "
+        "neither usually, and no other usually follows it: at three places or more, of several requests, no one of "
+        "which has a place of its own. It counts little where less is torn than by two who do not listen.",
     ),
 )
 
@@ -54,6 +63,24 @@ FAR: Final = 6.0
 
 BLUR: Final = 8
 """Periods that are not so many times as long as stamps are late look uneven, or even, by that."""
+
+CROSSINGS: Final = 12
+"""Requests within another round that show one."""
+
+ROUND: Final = 100
+"""Requests of which an order shows."""
+
+FOLLOWED: Final = 16
+USUAL: Final = 0.4
+UNUSUAL: Final = 0.25
+"""What is followed so often tells what usually follows it: that in so many cases; less is unusual."""
+
+PLACES: Final = 3
+"""Places at which requests stand between others' at least."""
+
+OWN: Final = 2 / 3
+"""Part of the crossings that one place may have, or each request at a place of its own: what a loop asks in
+turn, or in each tenth round, it asks at the same place."""
 
 _NEAR: Final = 2
 """Bins beside the fullest one that are the same period: 3 %."""
@@ -132,6 +159,51 @@ def unrelated(case: Case) -> Iterator[Finding]:
         return
 
 
+def rounds_cross(case: Case) -> Iterator[Finding]:
+    """Requests that stand between others whose order is known: no time is needed to see that."""
+    found = [crossings_of(kind) for _, kind in case.ledger.exchanges.moments.stretches()]
+    times = sum(found)
+    if not times:
+        return
+    yield _finding(
+        case,
+        "rounds-cross",
+        times,
+        f"{times} requests stand between two of another round, now here and now there; "
+        f"{int(case.damage['n'].sum())} torn places",
+        strength=1.0 if do_meet(case, times) else TIMERS,
+        brief="requests of two rounds stand between each other",
+    )
+
+
+def crossings_of(kinds: I64) -> int:
+    """Return how many requests stand within another round; 0 where they may be of one loop.
+
+    Of two rounds through A B C D, of which the second comes a little later::
+
+        heard     A B C A D B C D
+        between         A           C D usually follow each other, A here follows and leads nobody
+    """
+    kinds = kinds[kinds >= 0]
+    if len(kinds) < ROUND:
+        return 0
+    n = int(kinds.max()) + 1
+    pairs = np.bincount(kinds[:-1] * n + kinds[1:], minlength=n * n).reshape(n, n)
+    total = pairs.sum(1)
+    share = pairs / np.maximum(total, 1)[:, None]
+    usual = np.where((total >= FOLLOWED) & (share.max(1) >= USUAL), share.argmax(1), -1)
+    before, one, behind = kinds[:-2], kinds[1:-1], kinds[2:]
+    rows = (usual[before] == behind) & (one != before) & (one != behind)
+    rows &= (share[before, one] < UNUSUAL) & (share[one, behind] < UNUSUAL)
+    places = np.zeros((n, n), np.int64)
+    np.add.at(places, (before[rows], one[rows]), 1)
+    times, by_place = int(places.sum()), places.sum(1)
+    most = max(by_place.max(), places.max(0).sum(), places.max(1).sum())
+    if times < CROSSINGS or (by_place > 0).sum() < PLACES or most > OWN * times:
+        return 0
+    return times
+
+
 def _rhythms(case: Case) -> list[_Rhythm]:
     periods = case.ledger.periods
     edges = 2 ** (
@@ -184,5 +256,5 @@ def _finding(
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (interleaved, unrelated)
+RULES: Final[tuple[Rule, ...]] = (interleaved, unrelated, rounds_cross)
 """The rules of this file."""

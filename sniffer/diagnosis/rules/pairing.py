@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import so_even, sureness
 from sniffer.diagnosis.exchanges import KEPT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
@@ -55,7 +56,8 @@ FINDINGS: Final = (
         "outages-evenly",
         "pairing",
         "A servo is away at even times.",
-        "Of six outages and more the times between vary by less than half of their mean.",
+        "Of six outages and more the times between vary by less than half of their mean; it counts as much as "
+        "what comes at any time is seldom so even.",
     ),
     FindingCode(
         "outages-anytime",
@@ -114,6 +116,9 @@ EVEN: Final = 0.6
 UNEVEN: Final = 0.85
 """Parts of their mean by which the times between outages vary, up to which they are even, and from
 which on not."""
+
+SELDOM: Final = 1e-4
+"""How likely they may be so even by chance where that counts in full."""
 
 MOSTLY: Final = 0.8
 """Part of the requests to a servo that is not there which have no answer: behind some stands what
@@ -289,13 +294,19 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
     runs = case.ledger.silences.runs(servo)
     if not case.has_clock or len(runs) < OUTAGES:
         return
-    began = np.array([s.first_ns for s in runs], np.int64)
-    spread = _spread(np.diff(began).astype(np.float64))
+    apart = np.diff(np.array([s.first_ns for s in runs], np.int64)).astype(np.float64)
+    spread, chance = _spread(apart), so_even(apart.tolist())
     # of a Poisson process it is 1; by chance less, the fewer there are
     even, uneven = EVEN - 1 / len(runs), UNEVEN
     if even < spread < uneven:
         return
-    how = "evenly, as restarts do" if spread <= even else "at any time, as a contact opens"
+    if spread <= even:
+        how, strength = "evenly, as restarts do", sureness(chance, SELDOM)
+    else:
+        how, strength = (
+            "at any time, as a contact opens",
+            (spread - (even + uneven) / 2) / (uneven - even),
+        )
     yield Finding(
         "outages-evenly" if spread <= even else "outages-anytime",
         servo,
@@ -304,7 +315,7 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
         len(runs),
         f"the {len(runs)} outages of servo {servo} come {how}: the times between them vary by "
         f"{spread:.0%}",
-        strength=min(abs(spread - (even + uneven) / 2) / (uneven - even), 1.0),
+        strength=min(strength, 1.0),
     )
 
 

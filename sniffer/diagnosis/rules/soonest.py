@@ -18,7 +18,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.ends import torn_in_front
+from sniffer.diagnosis.rules.ends import EITHER, PROMPT, torn_in_front
 from sniffer.diagnosis.rules.outages import LostAnswers
 
 if TYPE_CHECKING:
@@ -59,9 +59,6 @@ FRONT: Final = 0.75
 TORN: Final = 2
 """Answers that must be torn so: what takes many whole, and tears none, is open for longer than a turn."""
 
-EITHER: Final = 0.5
-"""How often a contact that opens and closes at any time takes the beginning, and leaves the end."""
-
 CHANCE: Final = 0.05
 
 ENOUGH: Final = 1e-3
@@ -92,7 +89,9 @@ def soonest(case: Case) -> Iterator[Finding]:
     torn = [m for m in case.misreads if m.damage.turn == IN_REPLY and m.servo_id in timed]
     front = [m for m in case.once(torn_in_front) if m.servo_id in timed]
     lost.sort(key=lambda one: timed[one.servo].mean_ns)
-    ordered = by_chance([timed[one.servo].mean_ns for one in lost], [one.share for one in lost])
+    bit_ns = PROMPT * case.ledger.byte_ns
+    soon = [round(timed[one.servo].mean_ns / bit_ns) for one in lost]
+    ordered = by_chance(soon, [one.share for one in lost])
     chance = ordered * at_least(len(front), len(torn), EITHER)
     if ordered > ORDERED or chance > CHANCE or len(front) < max(TORN, FRONT * len(torn)):
         return
@@ -136,8 +135,12 @@ def in_order(lost: Sequence[LostAnswers]) -> set[int]:
 
 
 def by_chance(delay: Sequence[float], share: Sequence[float]) -> float:
-    """Return how likely shares are so much in the order of delays, the greatest first, by chance."""
-    ranks = np.argsort(np.argsort(delay)).astype(np.float64)
+    """Return how likely shares are so much in the order of delays, the greatest first, by chance.
+
+    Delays that are alike have no order: a host that merges all bytes makes them all nothing.
+    """
+    _, row, count = np.unique(delay, return_inverse=True, return_counts=True)
+    ranks: F64 = (np.cumsum(count) - (count - 1) / 2)[row]
     shares = np.asarray(share, np.float64)
     apart = shares - shares.mean()
     measured = float(ranks @ apart)

@@ -16,7 +16,14 @@ _MIXED: Final = ("answers-spoken-into", -2.5, "what is torn is torn for as long 
 WEIGHTS: Final = (
     *(
         weight
-        for cause in ("bus-noise", "signal-integrity", "turnaround", "duplicate-id", "clock-drift")
+        for cause in (
+            "bus-noise",
+            "signal-integrity",
+            "turnaround",
+            "duplicate-id",
+            "clock-drift",
+            "two-masters",
+        )
         for weight in for_(
             cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
         )
@@ -62,6 +69,7 @@ WEIGHTS: Final = (
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
         ("streams-apart", -2.0, "two loops keep two times"),
+        ("rounds-cross", -2.0, "one loop keeps its order"),
         ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
@@ -292,6 +300,7 @@ WEIGHTS: Final = (
             for code in (
                 "unrelated-periods",
                 "streams-apart",
+                "rounds-cross",
                 "interleaved-requests",
                 "loop-jitters",
             )

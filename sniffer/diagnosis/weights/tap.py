@@ -103,6 +103,7 @@ WEIGHTS: Final = (
                 "joint-stalled",
                 "joint-limp-after-restart",
                 "unrelated-periods",
+                "rounds-cross",
             )
         ),
         ("damage-one-servo", 0.2, "answers lack bytes, by chance most of one servo"),
@@ -160,6 +161,10 @@ WEIGHTS: Final = (
         ("truncated-frame", 0.2, "bare answers may look like the beginning of a frame"),
         ("damaged-frame", 0.2, "bare answers may look like a frame"),
         ("bad-checksum", 0.2, "bare answers may look like a frame"),
+        *(
+            (code, 0.1, "what has no header is a torn frame by its looks")
+            for code in ("damage-everywhere", "damage-in-answers", "damage-in-requests")
+        ),
     ),
     *for_(
         "two-masters",

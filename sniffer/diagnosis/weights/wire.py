@@ -92,6 +92,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
         ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
         ("streams-apart", 3.0, "two loops keep two times"),
+        ("rounds-cross", 5.5, "requests of one round stand anywhere between those of another"),
         (
             "rhythms-meet",
             7.0,
@@ -148,6 +149,15 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("echoes-differ", 0.2, "the answer is to the other's request"),
         ("echo-mismatch", 0.1, "the answer is to the other's request"),
         ("away-for-a-while", 0.1, "requests in a row ran into the other's"),
+        *(
+            (code, 0.1, "requests ran into the other's, and are not answered")
+            for code in (
+                "misses-now-and-then",
+                "others-away-too",
+                "torn-when-away",
+                "outages-anytime",
+            )
+        ),
         ("damage-while-moving", 0.1, "two speak more where more is to do"),
         ("damage-behind-steps", -3.0, "two clocks do not wait for goals to jump"),
         ("device-checksum", 0.1, "a servo refuses what ran together"),

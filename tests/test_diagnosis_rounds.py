@@ -1,0 +1,69 @@
+"""Rounds of requests that stand between each other: two controllers, known without a clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pytest
+
+from sniffer.diagnosis.rules.masters import crossings_of
+from tests.conversations import through_usb, without_clock
+from tests.crossing_rounds import two_rounds
+from tests.diagnosed import codes, verdicts
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from sniffer.ground.model import Chunk
+
+WAYS: Final = pytest.mark.parametrize("heard", [through_usb, without_clock])
+
+
+@WAYS
+def test_two_controllers_are_known_by_their_order_where_no_time_tells(
+    heard: Callable[[Iterable[Chunk]], list[Chunk]],
+) -> None:
+    talk = two_rounds(31, 43, apart_ms=0.2)
+    told = talk.diagnosed(heard(talk.chunks))
+    assert "rounds-cross" in codes(told)
+    assert {cause for cause, _ in verdicts(told.incidents())} == {"two-masters"}
+
+
+@WAYS
+def test_one_program_with_two_timers_that_wait_for_each_other_is_no_fault(
+    heard: Callable[[Iterable[Chunk]], list[Chunk]],
+) -> None:
+    talk = two_rounds(31, 43, apart_ms=0)
+    told = talk.diagnosed(heard(talk.chunks))
+    assert "rounds-cross" in codes(told)
+    assert not told.incidents()
+
+
+@WAYS
+def test_one_controller_whose_requests_are_torn_keeps_its_order(
+    heard: Callable[[Iterable[Chunk]], list[Chunk]],
+) -> None:
+    talk = two_rounds(31, apart_ms=0)
+    kept = [c for k, c in enumerate(talk.chunks) if k % 34]
+    assert "rounds-cross" not in codes(talk.diagnosed(heard(kept)))
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        lambda cycle: [(4, 5 + cycle // 10 % 3)] * (cycle % 10 == 0),  # behind each tenth round
+        lambda cycle: [(cycle % 5, 5)],  # after each servo in its turn
+        lambda cycle: [(cycle % 5, 5 + cycle % 5)],  # each servo has its own, in its turn
+    ],
+)
+def test_what_a_loop_asks_in_turn_is_of_its_own_round(
+    extra: Callable[[int], list[tuple[int, int]]],
+) -> None:
+    kinds = [
+        kind
+        for cycle in range(200)
+        for servo in range(5)
+        for kind in (servo, *(more for at, more in extra(cycle) if at == servo))
+    ]
+    assert not crossings_of(np.array(kinds))
