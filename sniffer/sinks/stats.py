@@ -16,7 +16,7 @@ from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
-from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
+from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, number, percent
 from sniffer.statistics.lags import whole_ms
 from sniffer.statistics.told import OF_SERVOS
 
@@ -83,11 +83,31 @@ def _print_bus(
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
-    for line in _about(bus, width, tables):
+    shown = _tables(bus, width, tables)
+    lines = [*_about(bus, width, tables)]
+    if any(table is not None and table.lacks_names(most, width) for _, table in shown):
+        lines.append(_named(bus))
+    for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
+    for heading, table in shown:
+        if table is not None:
+            console.print()
+            console.print(Text(f" {heading}", style="dim"))
+            console.print(table.table(most, width))
+            left = 0 if most is None else len(table.rows) - most
+            if left > 0:
+                console.print(Text(f"  ... and {left} more{how}", style="dim"))
+        if table is not None and heading.startswith("response"):
+            print_histograms(bus, statistics, console, width)
+
+
+def _tables(
+    bus: Mapping[str, Any], width: int, tables: Sequence[str] | None
+) -> Sequence[tuple[str, Tabulated | None]]:
+    """Return the tables of a bus with their headings."""
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
-    for heading, table in (
+    return (
         (
             "over time (response times in ms)" if has_replies(bus) else "over time",
             over_time(bus, width, tables),
@@ -104,16 +124,7 @@ def _print_bus(
         ("values", _values(bus, first)),
         ("your rules", _alarms(bus)),
         ("anomalies", _anomalies(bus, first, width)),
-    ):
-        if table is not None:
-            console.print()
-            console.print(Text(f" {heading}", style="dim"))
-            console.print(table.table(most, width))
-            left = 0 if most is None else len(table.rows) - most
-            if left > 0:
-                console.print(Text(f"  ... and {left} more{how}", style="dim"))
-        if table is not None and heading.startswith("response"):
-            print_histograms(bus, statistics, console, width)
+    )
 
 
 def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
@@ -141,11 +152,17 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
         yield drawn
 
 
-def _who(row: Mapping[str, Any], *, many: bool = False) -> str:
+def _who(row: Mapping[str, Any], *, many: bool = False) -> str | ServoCell:
     who = "-" if row["servo_id"] is None else str(row["servo_id"])
-    if SERVO_NAME in row:
-        who = glued(f"{who} {row[SERVO_NAME]}")
-    return f"{row['protocol']} {who}" if many else who
+    who = f"{row['protocol']} {who}" if many else who
+    return ServoCell(who, row[SERVO_NAME]) if SERVO_NAME in row else who
+
+
+def _named(bus: Mapping[str, Any]) -> str:
+    """Return what the servos of a bus are called."""
+    rows = (row for key in OF_SERVOS for row in bus[key] if SERVO_NAME in row)
+    known = {row["servo_id"]: row[SERVO_NAME] for row in rows}
+    return "servos: " + ", ".join(glued(f"{servo} {known[servo]}") for servo in sorted(known))
 
 
 def _left(bus: Mapping[str, Any], *columns: str) -> tuple[str, ...]:
@@ -323,7 +340,7 @@ def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> Tabulated | No
         name = Text(a["code"], style=_COLOUR[a["severity"]])
         rate = "" if a["rate_hz"] is None else number(a["rate_hz"])
         ends = [_seconds(a[k], first, bus) for k in ("first_ns", "last_ns")]
-        row: list[Text | str] = [name, _who(a), str(a["count"]), rate, *ends]
+        row: list[Text | str | ServoCell] = [name, _who(a), str(a["count"]), rate, *ends]
         row.append(str(a["offsets"][0]))
         if drawn:
             row.append(bars(halved(a["over_time"]["counts"], width - 80)))
