@@ -69,8 +69,11 @@ class Tabulated:
         """Return the first rows; where these have no room for names of servos they have ids."""
         out = Table(box=None, pad_edge=True, padding=(0, 0, 0, _apart(width)))
         bare = self.lacks_names(most, width)
-        for column in self._columns:
-            if column in self._whole:
+        named = {
+            k for row in self.rows[:most] for k, c in enumerate(row) if isinstance(c, ServoCell)
+        }
+        for k, column in enumerate(self._columns):
+            if column in self._whole or k in named:
                 out.add_column(column, no_wrap=True)
             elif column in self._left:
                 out.add_column(column, overflow="fold")
