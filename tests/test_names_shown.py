@@ -368,3 +368,11 @@ def test_records_have_a_name_behind_the_id_where_there_is_one_and_nothing_else_i
     assert lines.replace(name_key, "") == plain
     again = sniffer("decode", told, "--summary").out
     assert "1448 frames" in again
+
+
+def test_a_drawing_names_the_servo_as_it_is_told_now(both: Path) -> None:
+    told = ("--name", "0=left_knee", "--name", "arm:1=hand")
+    assert ", servo 0 left_knee\n" in sniffer("explain", "FFFFFF0002F10C", *told).out
+    drawn = sniffer("explain", f"{both}@first-error:servo=1", *told).out
+    assert "servo 1 hand" in drawn
+    assert LONG not in drawn
