@@ -73,6 +73,9 @@ def test_a_table_without_room_for_names_has_ids_and_breaks_no_word(both: Path) -
     assert {line.split()[0] for line in traffic} == {"1", "2", "3", "254"}
     assert {"load_data", "symmetric_store"} <= {line.split()[1] for line in traffic}
     assert f"\n 1 {LONG} " in narrow.split(" following error ")[1]
+    summary = of_bus(sniffer("decode", both, "--summary", env={"COLUMNS": "80"}).out, "arm")
+    assert f"\n  servos: 1 {LONG}, 2 wrist\n" in summary
+    assert " load_data 202/193,\n" in summary, "no command is broken"
     wide = of_bus(sniffer("stats", both, env={"COLUMNS": "140"}).out, "arm")
     assert "servos: 1" not in wide
     assert f"\n  1 {LONG} " in wide.split(" traffic, ")[1]

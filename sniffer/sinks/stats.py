@@ -14,7 +14,7 @@ from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.cells import left_of, ms_of, seconds_of, who_of
-from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
+from sniffer.sinks.consoles import console_for, tables_in, unpadded
 from sniffer.sinks.motions import (
     error_table,
     lag_table,
@@ -23,7 +23,7 @@ from sniffer.sinks.motions import (
     unreached_table,
 )
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
-from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, number, percent
+from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
 from sniffer.statistics.told import OF_SERVOS
 
@@ -167,8 +167,7 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
 def _named(bus: Mapping[str, Any]) -> str:
     """Return what the servos of a bus are called."""
     rows = (row for key in OF_SERVOS for row in bus[key] if SERVO_NAME in row)
-    known = {row["servo_id"]: row[SERVO_NAME] for row in rows}
-    return "servos: " + ", ".join(glued(f"{servo} {known[servo]}") for servo in sorted(known))
+    return called({row["servo_id"]: row[SERVO_NAME] for row in rows})
 
 
 def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:

@@ -12,7 +12,7 @@ from rich.text import Text
 from sniffer.sinks.consoles import glued
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
@@ -88,6 +88,11 @@ class Tabulated:
 def _apart(width: int) -> int:
     """Return how many blanks stand between columns."""
     return 2 if width >= ROOMY else 1
+
+
+def called(known: Mapping[int, str]) -> str:
+    """Return what servos are called, for tables that have no room for their names."""
+    return "servos: " + ", ".join(glued(f"{servo} {known[servo]}") for servo in sorted(known))
 
 
 def percent(share: float) -> str:
