@@ -114,6 +114,11 @@ CASES: Final[list[tuple[Path, dict[str, object], Decision, str]]] = [
     (NO_CLOCK, {"what": "lag_ms", "below": 100}, U, "the input has no clock"),
     (CLEAN, {"what": "settle_ms", "figure": "max", "below": 1000}, P, "settles is"),
     (NO_CLOCK, {"what": "settle_ms", "below": 1000}, U, "the input has no clock"),
+    (CLEAN, {"what": "first_motion_ms", "figure": "max", "below": 100}, P, " moves is "),
+    (CLEAN, {"what": "first_motion_ms", "figure": "p50", "above": 100}, F, " goals of "),
+    (NO_CLOCK, {"what": "first_motion_ms", "below": 1000}, U, "the input has no clock"),
+    (CLEAN, {"what": "goals_not_reached"}, P, "0 goals of servo 1 not reached; wanted: none"),
+    (NO_CLOCK, {"what": "goals_not_reached"}, U, "the input has no clock"),
 ]
 
 

@@ -7,9 +7,10 @@ from typing import Final
 
 import pytest
 from google.protobuf.timestamp_pb2 import Timestamp
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.decoder import Decoder
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.model import NS, Anomaly, Chunk
@@ -30,10 +31,14 @@ FOUND: Final = st.builds(
 )
 
 
-@given(st.lists(FOUND, max_size=4))
-def test_an_anomaly_is_the_message_that_protobuf_makes(found: list[Anomaly]) -> None:
+@given(st.lists(FOUND, max_size=4), st.sampled_from([{}, {("arm", 3): "knee", 0: "hip"}]))
+@example([anomaly("no-response", 0, 3, "servo 3 did not answer")], {("arm", 3): "knee"})
+def test_an_anomaly_is_the_message_that_protobuf_makes_and_a_line_with_names(
+    found: list[Anomaly], called: dict[Named, str]
+) -> None:
+    names = ServoNames(called)
     for a, body, line in zip(
-        found, anomaly_messages(found), log_messages(found, "arm"), strict=True
+        found, anomaly_messages(found), log_messages(found, "arm", names), strict=True
     ):
         spans = [recording_pb2.Anomaly.Evidence(offset=at, length=n) for at, n in a.evidence]
         assert recording_pb2.Anomaly.FromString(body) == recording_pb2.Anomaly(
@@ -48,7 +53,7 @@ def test_an_anomaly_is_the_message_that_protobuf_makes(found: list[Anomaly]) -> 
         assert log_pb2.Log.FromString(line) == log_pb2.Log(
             timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
             level=LEVELS[a.severity],
-            message=f"{whose(a)}{a.detail} [{a.code}]",
+            message=f"{names.sentence('arm', f'{whose(a)}{a.detail}')} [{a.code}]",
             name="arm",
         )
 

@@ -18,6 +18,7 @@ from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.moment import moment_of
 from sniffer.inside.panes import figures_text
+from sniffer.inside.search import Search
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from tests.test_board_keys import Watching
@@ -98,6 +99,30 @@ def test_lines_are_filtered_by_the_names_of_servos(
 def test_a_filter_by_a_name_that_nobody_has_tells_the_nearest(index: CaptureIndex) -> None:
     with pytest.raises(InputError, match="no servo is called 'anckle': did you mean ankle"):
         filter_of("servo=anckle", index.names)
+
+
+@pytest.mark.parametrize("exchanges", [False, True])
+def test_a_search_finds_lines_by_the_name_of_their_servo(
+    exchanges: bool, index: CaptureIndex
+) -> None:
+    view = LineView(index)
+    view.choose(None, exchanges=exchanges)
+    judged(view)
+
+    def found(text: str) -> int | None:
+        search = Search(view, 0, text)
+        while (at := search.steps()) is None:
+            pass
+        return None if at < 0 else view.line(at)
+
+    shown = set(view.shown().tolist())
+    for bus, servo, text in (("arm", 2, "wrist"), ("leg", 2, "Ankle"), ("arm", 1, LONG)):
+        mine = [line for line in lines_of(index, bus, servo) if line in shown]
+        assert found(text) == min(mine, default=None)
+        words = [line_words(index, line, exchange=exchanges) for line in mine]
+        at = next(k for k, told in enumerate(words) if "position" in told.values)
+        assert found(f"{text} {words[at].op} {words[at].values}") == mine[at]
+    assert found("wrist_") is None
 
 
 def test_names_complete_a_filter(index: CaptureIndex) -> None:

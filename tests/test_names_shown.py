@@ -66,6 +66,21 @@ def test_no_name_is_cut_in_a_narrow_terminal(columns: str, both: Path) -> None:
         assert max(map(len, shown.splitlines())) <= int(columns)
 
 
+def test_a_table_without_room_for_names_has_ids_and_breaks_no_word(both: Path) -> None:
+    narrow = of_bus(sniffer("stats", both, env={"COLUMNS": "80"}).out, "arm")
+    assert f"\n  servos: 1 {LONG}, 2 wrist\n" in narrow
+    traffic = narrow.split(" traffic, ")[1].split("\n\n")[0].splitlines()[2:]
+    assert {line.split()[0] for line in traffic} == {"1", "2", "3", "254"}
+    assert {"load_data", "symmetric_store"} <= {line.split()[1] for line in traffic}
+    assert f"\n 1 {LONG} " in narrow.split(" following error ")[1]
+    summary = of_bus(sniffer("decode", both, "--summary", env={"COLUMNS": "80"}).out, "arm")
+    assert f"\n  servos: 1 {LONG}, 2 wrist\n" in summary
+    assert " load_data 202/193,\n" in summary, "no command is broken"
+    wide = of_bus(sniffer("stats", both, env={"COLUMNS": "140"}).out, "arm")
+    assert "servos: 1" not in wide
+    assert f"\n  1 {LONG} " in wide.split(" traffic, ")[1]
+
+
 def test_figures_for_programs_have_a_name_beside_the_id_where_there_is_one(both: Path) -> None:
     figures = json.loads(sniffer("stats", both, "--format", "json").out)
     jsonschema.validate(figures, SCHEMA)
@@ -330,3 +345,37 @@ def test_each_run_of_a_picture_of_two_has_its_own_names(tmp_path: Path) -> None:
 def test_two_runs_are_compared_for_a_servo_by_its_name(tmp_path: Path) -> None:
     done = sniffer("diff", CLEAN, CLEAN, "--name", "2=wrist", "--servo", "wrist")
     assert done.status == 0, done.err
+
+
+def test_records_have_a_name_behind_the_id_where_there_is_one_and_nothing_else_is_new(
+    both: Path, tmp_path: Path
+) -> None:
+    known = {("arm", 1): LONG, ("arm", 2): "wrist", ("leg", 2): "ankle"}
+    met = set()
+    for line in sniffer("decode", both, "--format", "jsonl", "--to", "2").out.splitlines():
+        record = json.loads(line)
+        who = record.get("bus"), record.get("servo_id")
+        named = known.get(who) if record["type"] != "gap" else None
+        assert record.get("servo_name") == named
+        if named is not None:
+            keys = list(record)
+            assert keys[keys.index("servo_id") + 1] == "servo_name"
+            met.add((record["type"], *who))
+    assert {kind for kind, *_ in met} == {"frame", "sample", "transaction", "anomaly"}
+    assert {(bus, servo) for _, bus, servo in met} == set(known)
+    name = 'a "b" \\ é'
+    told, plain = tmp_path / "told.jsonl", sniffer("decode", DAMAGED, "--format", "jsonl").out
+    assert sniffer("decode", DAMAGED, "-q", "--name", f"3={name}", "-o", told).status == 0
+    lines = told.read_text(encoding="utf-8")
+    assert lines.count(name_key := f',"servo_name":{json.dumps(name, ensure_ascii=False)}') > 1000
+    assert lines.replace(name_key, "") == plain
+    again = sniffer("decode", told, "--summary").out
+    assert "1448 frames" in again
+
+
+def test_a_drawing_names_the_servo_as_it_is_told_now(both: Path) -> None:
+    told = ("--name", "0=left_knee", "--name", "arm:1=hand")
+    assert ", servo 0 left_knee\n" in sniffer("explain", "FFFFFF0002F10C", *told).out
+    drawn = sniffer("explain", f"{both}@first-error:servo=1", *told).out
+    assert "servo 1 hand" in drawn
+    assert LONG not in drawn

@@ -172,6 +172,13 @@ def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: Ca
     assert line_of(place, index) == line - 1
 
 
+def test_a_place_may_lie_before_or_behind_what_is_found(index: CaptureIndex) -> None:
+    t_ns, there = index.lines["t"], line_of("@first-error", index)
+    for place, shift_ns in (("@first-error-20ms", -20_000_000), ("@first-error+2s", 2 * 10**9)):
+        line = line_of(place, index)
+        assert int(t_ns[line - 1]) < int(t_ns[there]) + shift_ns <= int(t_ns[line])
+
+
 def test_a_place_before_the_end_waits_until_the_end_was_read(index: CaptureIndex) -> None:
     lines = index.lines
     line = line_of("-2s", index)

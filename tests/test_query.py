@@ -57,6 +57,8 @@ def as_row(record: Any, table: str) -> dict[str, Any]:
     told = {name: getattr(record, name, None) for name in RELATIONS[table].schema.names}
     if table == "anomalies":
         told["offset"], told["length"] = record.evidence[0]
+    if table == "gaps":
+        told["servo_id"] = record.detail.get("fields", {}).get("servo_id")
     return told
 
 

@@ -14,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import sniffer
+from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.rows import Row, as_dict, rows
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
@@ -28,6 +29,9 @@ NAMED: Final = {"frame": "frames", "gap": "gaps", "transaction": "transactions"}
 }
 """The table that each kind of row is of."""
 
+
+NAMES: Final[dict[Named, str]] = {1: "hip", 2: "left_knee", 16: "hip"}
+"""What servos are called; others have no name."""
 
 LINES: Final = 300
 """Lines of a capture: enough for something to be wrong, few enough for many examples."""
@@ -58,15 +62,19 @@ class Told:
                 told["t_ns"] = ends[last]
             if table == "anomalies":
                 told["offset"], told["length"] = told["evidence"][0]
+            if table == "gaps":
+                told["servo_id"] = told["detail"].get("fields", {}).get("servo_id")
             told |= next(more[table]) if table in more else {}
-            tables[table].append({name: told[name] for name in (*TABLES[table], "n")})
+            told["servo_name"] = NAMES.get(told["servo_id"])
+            lent = LENT["gaps"] if table == "gaps" else ()
+            tables[table].append({name: told[name] for name in (*TABLES[table], *lent, "n")})
         self.base = duckdb.connect()
         said = {(frame["bus"], frame["offset"]): frame for frame in tables["frames"]}
         for sample in tables["samples"]:
             frame = said[sample["bus"], sample["offset"]]
-            sample |= {name: frame[name] for name in LENT}
+            sample |= {name: frame[name] for name in LENT["samples"]}
         for table, found in tables.items():
-            lent = LENT if table == "samples" else ()
+            lent = LENT.get(table, ())
             types = [(name, _type(name)) for name in (*TABLES[table], *lent)]
             schema = pa.schema([*types, ("n", pa.int64())])
             self.base.register(table, pa.Table.from_pylist(found, schema))
@@ -79,6 +87,7 @@ class Told:
 
     def by_us(self, selection: Selection) -> list[Row]:
         """Return the rows that we select."""
+        selection = selection.named(ServoNames(NAMES))
         return [
             row
             for bus, protocol, batch in self.parts
@@ -102,7 +111,7 @@ NUMBERS: Final = st.one_of(
     st.sampled_from(["1e3", "2.5E-1", ".5", "7."]),
 ).map(str)
 WORDS: Final = st.sampled_from(
-    ["", "read", "store_data", "D", "QD", "position", "mm", "bus0", "it's", "wck", "%"]
+    ["", "read", "store_data", "D", "QD", "position", "mm", "bus0", "it's", "wck", "%", "hip"]
 )
 
 
@@ -158,6 +167,7 @@ def expressions(columns: list[str]) -> st.SearchStrategy[str]:
 ANY: Final = st.one_of(
     *(expressions(sorted(columns)) for columns in TABLES.values()),
     expressions(["kind", "op", "address", "status", "register", "value", "role", "servo_id"]),
+    expressions(["reason", "servo_id", "servo_name", "length"]),
 )
 
 
@@ -165,6 +175,10 @@ ANY: Final = st.one_of(
 @given(name=st.sampled_from(DAMAGED), text=ANY)
 @example(DAMAGED[0], "register = 'moving_speed' AND kind = 'request' AND op <> 'send_data'")
 @example(DAMAGED[0], "value > 500 AND address BETWEEN 120 AND 140 AND status IS NULL")
+@example(DAMAGED[0], "servo_name = 'left_knee' AND value > 5")
+@example(DAMAGED[0], "servo_name <> 'hip'")
+@example(DAMAGED[0], "servo_name IS NULL OR NOT servo_name LIKE 'h%'")
+@example(DAMAGED[0], "servo_id IS NOT NULL AND reason = 'damaged'")
 def test_an_expression_selects_the_rows_that_sql_selects(name: str, text: str) -> None:
     selection = Selection.parse(text)
     capture = told(name)

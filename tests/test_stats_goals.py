@@ -50,31 +50,43 @@ def test_a_position_under_the_id_that_is_everyone_is_no_servos_own() -> None:
     assert (error["size"]["count"], error["worst"]["value"]) == (1, 0)
 
 
-def slow_steps(course: Sequence[tuple[str, float]], count: float) -> dict[str, int]:
-    """Return what becomes of steps, one event after the other."""
+def slow_steps(
+    course: Sequence[tuple[str, float]], count: float, apart_ms: float
+) -> tuple[dict[str, int], list[tuple[float, float, str]]]:
+    """Return what becomes of steps, one event after the other; and those that held long in vain.
+
+    Of these the goal, the last position, and what ended it.
+    """
     out: defaultdict[str, int] = defaultdict(int)
+    missed = []
+    begun = looked = 0
     now = last = math.nan
     step: list[float] | None = None
 
-    def end(fate: str) -> None:
+    def end(fate: str, k: int) -> None:
         if step is not None:
             travel, target, *seen = step
             band = max(0.05 * abs(travel), 4 * count)
             inside = list(itertools.takewhile(lambda x: abs(x - target) <= band, reversed(seen)))
             unseen = "unseen" if fate == "overtaken" and not seen else fate
             out["settled" if len(inside) >= 2 else unseen] += 1
+            held = (looked if fate == "under_way" else k) - begun
+            if len(inside) < 2 and seen and held * apart_ms >= 500:
+                ended = {"overtaken": "next_goal", "under_way": "capture_end"}[fate]
+                missed.append((target, seen[-1], ended))
 
-    for kind, value in course:
+    for k, (kind, value) in enumerate(course):
         if kind == "at":
-            last = value
+            last, looked = value, k
             if step is not None:
                 step.append(value)
         elif value != now:
-            end("overtaken")
+            end("overtaken", k)
+            begun = k
             now, travel = value, value - last
             step = [travel, value] if abs(travel) > 8 * count else None
-    end("under_way")
-    return dict(out)
+    end("under_way", len(course))
+    return dict(out), missed
 
 
 @given(
@@ -82,16 +94,25 @@ def slow_steps(course: Sequence[tuple[str, float]], count: float) -> dict[str, i
         st.tuples(st.sampled_from(["at", "at", "to"]), st.integers(0, 400)), max_size=30
     ),
     cuts=st.lists(st.integers(1, 10**6), max_size=4),
+    apart_ms=st.sampled_from([10.0, 120.0]),
 )
 @settings(max_examples=40)
-def test_steps_are_judged_as_one_by_one(course: list[tuple[str, int]], cuts: list[int]) -> None:
+def test_steps_are_judged_as_one_by_one(
+    course: list[tuple[str, int]], cuts: list[int], apart_ms: float
+) -> None:
     # so no position lies right on an edge of a band, where rounding would decide
     course = [("at", 0), *((kind, value // 11 * 11 + (kind == "to")) for kind, value in course)]
     chunks = [
         c
         for k, (kind, value) in enumerate(course)
-        for c in (exchange(10.0 * k, value) if kind == "at" else goal(10.0 * k, value))
+        for c in (exchange(apart_ms * k, value) if kind == "at" else goal(apart_ms * k, value))
     ]
     (servo,) = counted("mightyzap", chunks, cuts, 57600)["buses"][0]["servos"]
     fates = {name: n for s in servo["steps"] for name, n in s["fates"].items()}
-    assert fates == slow_steps([(kind, float(value)) for kind, value in course], 1.0)
+    slow, missed = slow_steps([(kind, float(value)) for kind, value in course], 1.0, apart_ms)
+    assert fates == slow
+    told = [goal for s in servo["steps"] for goal in s["unreached_goals"]]
+    mm = 30 / 4095
+    assert [(g["goal"]["value"], g["left"]["value"], g["ended"]) for g in told] == [
+        (pytest.approx(aim * mm), pytest.approx(left * mm), ended) for aim, left, ended in missed
+    ]

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from sniffer.cli.options import ProtocolName, examples, files_here
-from sniffer.cli.servos import with_registers
+from sniffer.cli.servos import with_names, with_registers
 from sniffer.cli.streams import width_of_terminal
+from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.options import AUTO, Options
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
@@ -46,7 +47,7 @@ def _names_or_files(
         "sniffer explain FFFFFF010400D0078F --after 'FF FF FF 01 04 F2 8C 02 7A'",
         "sniffer explain '#5D1800'",
         "sniffer explain run.mcap@12175",
-        "sniffer explain run.mcap@first-error",
+        "sniffer explain run.mcap@first-error --name 3=left_knee",
         "sniffer explain no-response",
     ),
 )
@@ -67,12 +68,14 @@ def _names_or_files(
 )
 @click.option("--model", metavar="MODEL", help="Register table to read by.")
 @with_registers
+@with_names
 def explain(
     hex_bytes: tuple[str, ...],
     after: str | None,
     protocol: str,
     model: str | None,
     tables: tuple[RegisterMap, ...],
+    names: dict[Named, str],
 ) -> int:
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 
@@ -93,7 +96,7 @@ def explain(
         if after:
             raise click.UsageError("--after goes with HEX: a capture has what came before")
         models: dict[int | None, str] = {None: model} if model else {}
-        options = Options(protocol, models=models, tables=tables)
+        options = Options(protocol, models=models, tables=tables, names=names)
         held, lines = explain_at(*place_of(hex_bytes[0]), options)
         for line in lines:
             click.echo(line)
@@ -107,8 +110,9 @@ def explain(
         raise
     before = read_hex(after) if after else b""
     held, lines = explain_bytes(data, before, protocol=protocol, model=model, tables=tables)
+    called = ServoNames(names)
     for line in lines:
-        click.echo(line)
+        click.echo(called.sentence("", line))  # bytes alone are of no bus
     return 0 if held else 1
 
 

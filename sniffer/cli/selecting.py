@@ -80,7 +80,8 @@ _FROM = click.option(
     metavar="PLACE",
     help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error (of what is "
     "selected), @first-error:servo=3, @no-response (the first), @no-response:3, @anomaly:7, "
-    "@byte:12175 (of several buses @byte:arm:12175), -5s (before the end).",
+    "@byte:12175 (of several buses @byte:arm:12175), -5s (before the end), @first-error-100ms "
+    "(so long before it; +2s: behind).",
 )
 _AROUND = click.option(
     "--around",

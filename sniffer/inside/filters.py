@@ -90,9 +90,9 @@ def filter_of(text: str, names: ServoNames | None = None) -> LineFilter | None:
     if not text.strip():
         return None
     found = [_WORD.fullmatch(word) for word in text.split()]
-    if not all(found):
-        return SelectionFilter(text)
     called = names or ServoNames()
+    if not all(found):
+        return SelectionFilter(text, called)
     return WordFilter([_word(one[1], one[2], one[3], called) for one in found if one])
 
 

@@ -50,7 +50,10 @@ def line_of(
         before = int(lines["t"].max()) - place.number
         return _within(int(np.searchsorted(lines["t"], before, "left")), len(lines), text)
     if place.kind == FOUND:
-        return _sought(place, index, bus, view)
+        line = _sought(place, index, bus, view)
+        if not place.shift_ns:
+            return line
+        place = place.found(int(lines["t"][line]))
     t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
     return _within(int(np.searchsorted(lines["t"], t_ns, "left")), len(lines), text)
 

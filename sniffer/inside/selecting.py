@@ -14,6 +14,7 @@ from sniffer.selection.selection import Selection
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.ground.model import I64, Mask
     from sniffer.inside.index import CaptureIndex
 
@@ -30,8 +31,8 @@ class SelectionFilter:
 
     step = 1 << 12
 
-    def __init__(self, text: str) -> None:
-        self._selection = Selection.parse(text)
+    def __init__(self, text: str, names: ServoNames) -> None:
+        self._selection = Selection.parse(text).named(names)
         self._known: OrderedDict[int, tuple[Mask, Mask, Callable[[str], Mask]]] = OrderedDict()
 
     def mask(self, index: CaptureIndex, numbers: I64) -> Mask:

@@ -15,6 +15,7 @@ import numpy as np
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.model import Severity
 from sniffer.inside.columns import GAP, NO_OUTCOME
+from sniffer.inside.texts import called
 from sniffer.inside.words import gap_verdict, stated, verdict, worst_codes
 from sniffer.sinks.kept import packed
 from sniffer.sinks.words import FrameWords, errors_in_words
@@ -68,6 +69,9 @@ class WordSieve:
         """Tell of each word which lines hold it."""
         ops = self._in(self._index.ops)
         out: Mask = ops[:, lines["op"]] | self._verdicts(lines, numbers)
+        if self._index.names:
+            names, which = called(self._index, lines)
+            out |= self._in(names)[:, which]
         for page in np.unique(lines["page"]).tolist():
             frames, gaps = self._of(page)
             mine = lines["page"] == page

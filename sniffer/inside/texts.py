@@ -40,13 +40,17 @@ class SearchedTexts:
         self._words: dict[int, FrameWords] = {}
 
     def of(self, numbers: I64) -> list[str]:
-        """Return command, values and verdict of each line; ``numbers`` go up."""
+        """Return name, command, values and verdict of each line; ``numbers`` go up."""
         lines = self._index.lines[numbers]
         ops = [self._index.ops[op] for op in lines["op"].tolist()]
         values, verdicts = self._values(lines), self._verdicts(lines, numbers)
         if self._exchanges:
             self._answered(lines, values, verdicts)
-        return list(map(" ".join, zip(ops, values, verdicts, strict=True)))
+        told = list(map(" ".join, zip(ops, values, verdicts, strict=True)))
+        if self._index.names:
+            names, which = called(self._index, lines)
+            told = [f"{names[k]} {text}" for k, text in zip(which.tolist(), told, strict=True)]
+        return told
 
     def _answered(self, lines: Table, values: list[str], verdicts: list[str]) -> None:
         """Put in what became of requests."""
@@ -96,6 +100,14 @@ class SearchedTexts:
         if known is None:
             known = self._words[id(protocol)] = FrameWords(protocol)
         return known
+
+
+def called(index: CaptureIndex, lines: Table) -> tuple[list[str], I64]:
+    """Return what the servos of some lines are called, and which of it each line has."""
+    key = lines["bus"].astype(np.int64) << 16 | lines["servo"].astype(np.int64) & 0xFFFF
+    keys, which = np.unique(key, return_inverse=True)
+    pairs = ((index.buses[k >> 16], k & 0xFFFF) for k in keys.tolist())
+    return [index.names.of(bus, servo) or "" for bus, servo in pairs], which
 
 
 class _PageTexts:

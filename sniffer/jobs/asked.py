@@ -18,7 +18,6 @@ from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
-from sniffer.selection.columns import Rows
 from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
 from sniffer.sinks import BYTES
 
@@ -281,7 +280,7 @@ class _Finder:
         found = Anomalies.of(batch.anomalies)
         mine = np.ones(len(found), bool)
         if self._among is not None:
-            mine = self._among.mask("anomalies", Rows(bus, protocol, batch))
+            mine = self._among.rows(bus, protocol, batch)("anomalies")
         ends = [int(t.max()) for t in (batch.frames.t_end, Gaps.of(batch.gaps).t_ns) if len(t)]
         self._last_ns = max((t for t in (self._last_ns, *ends) if t is not None), default=None)
         for place in self._places:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.options import Options
 from sniffer.jobs.hearing import hear
 from sniffer.jobs.telling import Teller
-from sniffer.reports.judging import Subject, judge
+from sniffer.reports.judging import judge
 from sniffer.reports.rules import read_rules
+from sniffer.reports.subject import Subject
 from sniffer.sources.several import name_of, open_capture
 
 if TYPE_CHECKING:

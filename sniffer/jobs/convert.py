@@ -199,7 +199,7 @@ def _without_rows(path: Path, lacking: Sequence[str]) -> str:
     from sniffer.selection.columns import LENT
 
     told = f"{path} has no rows: samples have no {and_(list(lacking))}"
-    if not LENT.keys() >= set(lacking):
+    if not LENT["samples"].keys() >= set(lacking):
         return told
     return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
 

@@ -85,8 +85,8 @@ def explain_at(
     options.check()
     bus, offset = place.bus or None, place.number
     told: list[str] = []
-    of_byte = place.sought == "byte"
-    of_time = place.kind != FOUND or place.sought == END
+    of_time = place.kind != FOUND or place.sought == END or place.shift_ns != 0
+    of_byte = place.sought == "byte" and not of_time
     with (
         undecided_of(name_of(source)),
         open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened,

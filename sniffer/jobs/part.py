@@ -84,7 +84,9 @@ def decode_part(task: PartTask) -> PartResult:
         task.options, task.plans, task.known, own.bases if task.is_exact else warm.bases
     )
     if task.where is not None:
-        pipeline.narrowing = Narrowing(None, Selection.parse(task.where).rows)
+        pipeline.narrowing = Narrowing(
+            None, Selection.parse(task.where).named(task.options.called).rows
+        )
     if task.is_exact:
         pipeline.resume(task.plans, task.known)
     else:

@@ -9,6 +9,7 @@ from sniffer.mcapfile.levels import SEVERITIES
 from sniffer.messages.recording_pb2 import Incident
 
 if TYPE_CHECKING:
+    from sniffer.decoding.called import ServoNames
     from sniffer.diagnosis.tracking import IncidentChange
 
 _STAGES: Final = {
@@ -20,9 +21,9 @@ _STAGES: Final = {
 }
 
 
-def message_of(change: IncidentChange) -> Incident:
-    """Return a change with all that is known of its incident then."""
-    i = change.incident
+def message_of(change: IncidentChange, names: ServoNames) -> Incident:
+    """Return a change with all that is known of its incident then; sentences name the servos."""
+    i = change.incident.named(names)
     places = sorted({p for f in i.findings for p in f.places})
     return Incident(
         t_ns=change.t_ns,

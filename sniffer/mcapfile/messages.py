@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import Anomalies
@@ -84,8 +85,10 @@ class BusWriter:
         counted: bool = True,
         ros2: RosWriter | None = None,
         published: dict[str, int] | None = None,
+        names: ServoNames | None = None,
     ) -> None:
         self.name = name
+        self._names = names or ServoNames()
         self.protocol: BusProtocol | None = None
         self.oldest: int | None = None
         """Log time of the first chunk."""
@@ -333,7 +336,7 @@ class BusWriter:
         self._rare("anomalies", Anomaly, anomaly_messages(found), times, times)
         if self._ros2 is not None:
             self._ros2.anomalies(self._root, found, times)
-        self._rare("log", Log, log_messages(found, self.name), times, times)
+        self._rare("log", Log, log_messages(found, self.name, self._names), times, times)
 
     def _write_stats(self, *, final: bool) -> None:
         rows = self._seconds.over(final=final)

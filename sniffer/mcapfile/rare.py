@@ -24,6 +24,7 @@ from sniffer.messages.recording_pb2 import Anomaly, Gap
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.diagnostics.found import Told
     from sniffer.ground import model
     from sniffer.ground.model import Batch
@@ -74,12 +75,13 @@ def anomaly_messages(found: Sequence[model.Anomaly]) -> Iterator[bytes]:
         yield b"".join(parts)
 
 
-def log_messages(found: Sequence[model.Anomaly], bus: str) -> Iterator[bytes]:
-    """Yield anomalies as lines of a log."""
+def log_messages(found: Sequence[model.Anomaly], bus: str, names: ServoNames) -> Iterator[bytes]:
+    """Yield anomalies as lines of a log, which people read: servos are called by their names."""
     for code, who, t_ns, (detail, _) in _rows(found):
         second, ns = divmod(t_ns, NS)
         t = _second(second) + (_NANOS + varint(ns) if ns else b"")
-        text = f"{named(who, detail)}{detail} [{CODES[code]}]".encode()
+        told = names.sentence(bus, f"{named(who, detail)}{detail}")
+        text = f"{told} [{CODES[code]}]".encode()
         yield b"".join((_LOG_AT, sized(t), _line(code, bus), _LOG_MESSAGE, sized(text)))
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from mcap.records import Attachment
 
 from sniffer import __version__
-from sniffer.decoding.called import names_in
+from sniffer.decoding.called import ServoNames, names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
@@ -126,6 +126,7 @@ class McapSink:
         if topics is not None:
             begin["topics"] = ",".join(t for t in CHOICES if t == "raw" or t in topics)
         self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
+        self._names = ServoNames(names_in(self._session))
         self._flush_ns = flush_ns
         self._live = live
         self._starts = dict(starts or {})
@@ -243,7 +244,7 @@ class McapSink:
         with self._guard():
             if not changes or not self._queue.wants(INCIDENTS):
                 return
-            messages = [message_of(change) for change in changes]
+            messages = [message_of(change, self._names) for change in changes]
             channel = self._file.channel(f"/{INCIDENTS}", type(messages[0]), {})
             n = len(messages)
             times = np.array([change.t_ns for change in changes], np.int64)
@@ -294,6 +295,7 @@ class McapSink:
                 counted=not self._live,
                 ros2=self._ros2,
                 published=self._published,
+                names=self._names,
             )
         return writer
 

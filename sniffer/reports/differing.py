@@ -14,7 +14,7 @@ from sniffer.diagnosis.model import percent_sure
 from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import counted
 from sniffer.reports.content import happened
-from sniffer.reports.runs import Who
+from sniffer.reports.runs import FIRST_MOTION, LAG, Who
 from sniffer.reports.significance import (
     ALPHA,
     NEGLIGIBLE,
@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
 _EFFECTS: Final = {"missing": "share", "command": "share", "error": "log2 of the ratio"}
 
+_LATE: Final = {
+    FIRST_MOTION: "from a goal to the first motion it takes",
+    LAG: "it is behind goals that move by",
+}
+
 LIKELY: Final = 0.5
 """How sure the cause of an incident is at least that one run has alone."""
 
@@ -50,10 +55,10 @@ DIAGNOSED: Final = "diagnosis"
 class RunDifference:
     """One thing in which two runs differ.
 
-    ``about`` is ``response_time``, ``period``, ``value``, ``goal``, ``missing``, ``error``,
-    ``command``, ``setting``, ``servo`` or ``incident``; ``name`` the command, quantity, code,
-    register or cause. ``a``
-    and ``b`` hold the numbers of each run, ``p`` the chance corrected for all that was compared.
+    ``about`` is ``response_time``, ``motion``, ``period``, ``value``, ``goal``, ``missing``,
+    ``error``, ``command``, ``setting``, ``servo`` or ``incident``; ``name`` the command, quantity,
+    code, register, cause, ``first_motion`` or ``lag``. ``a`` and ``b`` hold the numbers of
+    each run, ``p`` the chance corrected for all that was compared.
     """
 
     about: str
@@ -202,6 +207,7 @@ def _series(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
         tuple[str, dict[tuple[Who, str], Thinned], dict[tuple[Who, str], Thinned]], ...
     ] = (
         ("response_time", a.response_ms, b.response_ms),
+        ("motion", a.motion_ms, b.motion_ms),
         ("period", a.period_ms, b.period_ms),
         ("value", a.measured, b.measured),
         ("goal", a.commanded, b.commanded),
@@ -215,12 +221,16 @@ def _series(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
             verdict = verdict._replace(n_a=of_a[key].count, n_b=of_b[key].count)
             who, name = key
             within = False
-            if about == "response_time":
-                doubt = max(float(np.median(run.doubt_ms[key].values())) for run in (a, b))
+            if about in ("response_time", "motion"):
+                spreads = [
+                    r.doubt_ms if about == "response_time" else r.motion_doubt_ms for r in (a, b)
+                ]
+                doubt = max(float(np.median(spread[key].values())) for spread in spreads)
                 within = abs(float(np.median(y)) - float(np.median(x))) <= doubt
-            unit = " ms" if about in ("response_time", "period") else ""
+            unit = " ms" if about in ("response_time", "motion", "period") else ""
             words = {
                 "response_time": f"answers to {name} take",
+                "motion": _LATE.get(name, ""),
                 "period": f"{name} comes every",
                 "value": f"{name} is",
                 "goal": f"{name} is told",

@@ -11,25 +11,23 @@ import enum
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.durations import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.ground.model import Clock
+from sniffer.ground.model import MS, Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import rules as r
 from sniffer.reports import words
-from sniffer.statistics.motion import MILLI
+from sniffer.reports.moving import following, lag, settling, starting, unreached
+from sniffer.reports.subject import Figure, name_of, servos_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from sniffer.decoding.summary import BusTotals, Summary
-    from sniffer.diagnosis.model import Incident
-    from sniffer.statistics.collector import Collector
+    from sniffer.decoding.summary import BusTotals
+    from sniffer.reports.subject import Subject
     from sniffer.statistics.figures import ServoFigures
-
-MS: Final = 1e6
 
 TOTALS: Final = frozenset({r.INCIDENTS, r.ANOMALIES, r.FRAMES, r.SECONDS})
 """Rules on what grows with the capture: a short part has less of it than the whole."""
@@ -44,15 +42,6 @@ class Decision(enum.IntEnum):
     PASSED = 0
     UNDECIDED = 1
     FAILED = 2
-
-
-class Figure(NamedTuple):
-    """A figure within bounds, what it is in words, and whose it is (-1: nobody's)."""
-
-    low: float
-    high: float
-    told: str
-    servo: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,15 +63,6 @@ class Judged:
         """The verdict in a word; what breaks the check is written large."""
         word = self.verdict.name
         return word.lower() if self.holds else word
-
-
-@dataclass(frozen=True, slots=True)
-class Subject:
-    """A capture after it was heard to its end, as far as rules ask for it."""
-
-    summary: Summary
-    collector: Collector
-    incidents: Sequence[Incident]
 
 
 def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
@@ -151,24 +131,11 @@ def _of_a_part(heard: Subject) -> str:
     return f"; a part of the capture alone was judged, {part}" if part is not None else ""
 
 
-def _servos(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, int, ServoFigures]]:
-    """Yield the servos that a rule is about."""
-    lanes = heard.collector.lanes
-    for lane, servo, mine in heard.collector.servos():
-        if rule.bus in ("", lane, lanes[lane].bus) and (not rule.servos or servo in rule.servos):
-            yield lane, servo, mine
-
-
 def _ids(rule: r.Rule, heard: Subject, servos: Iterable[int]) -> str:
     """Return ids of a rule with the names that they have where it is about one bus."""
     buses = [rule.bus] if rule.bus else list(heard.summary.buses)
     of = buses[0] if len(buses) == 1 else ""
     return ", ".join(heard.summary.names.label(of, servo) for servo in servos)
-
-
-def _name(heard: Subject, lane: str, servo: int) -> str:
-    told = heard.summary.names.servo(lane, servo)
-    return f"{lane} {told}" if len(heard.collector.lanes) > 1 else told
 
 
 def _buses(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, BusTotals]]:
@@ -217,20 +184,20 @@ def _anomalies(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
 
 
 def _response_time(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, _ in _servos(rule, heard):
+    for lane, servo, _ in servos_of(rule, heard):
         known = heard.collector.lanes[lane]
         totals = heard.summary.buses[known.bus]
         times = totals.parts.get(known.protocol.name, totals).times.get(servo)
         bounds = times.figure(FIGURES[rule.figure]) if times is not None else None
         if times is not None and bounds is not None:
-            told = f"{rule.figure} of {_name(heard, lane, servo)} is {bounds.ms()} ms"
+            told = f"{rule.figure} of {name_of(heard, lane, servo)} is {bounds.ms()} ms"
             told += f" (between {bounds.low / MS:.2f} and {bounds.high / MS:.2f})"
             told += f", {counted(times.count, 'answer')}"
             yield Figure(bounds.low / MS, bounds.high / MS, told, servo)
 
 
 def _value(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, mine in _servos(rule, heard):
+    for lane, servo, mine in servos_of(rule, heard):
         clock = heard.collector.wires[heard.collector.lanes[lane].bus].clock
         for (quantity, unit), values in mine.values.items():
             if quantity != rule.quantity:
@@ -238,53 +205,17 @@ def _value(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
             for end in (values.least, values.most):
                 shown = words.measured(end.value, unit)
                 when = words.moment(end.t_ns, clock)
-                told = f"{quantity} of {_name(heard, lane, servo)} is {shown} at {when}"
+                told = f"{quantity} of {name_of(heard, lane, servo)} is {shown} at {when}"
                 yield Figure(end.value, end.value, f"{told} (byte {end.offset})", servo)
 
 
-def _following(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, _ in _servos(rule, heard):
-        for (who, unit), errors in heard.collector.lanes[lane].motion.errors.items():
-            bounds = errors.size.figure(FIGURES[rule.figure])
-            if who == servo and bounds is not None:
-                low, high = (bound / MILLI for bound in bounds)
-                shown = words.measured(high, unit)
-                told = f"{rule.figure} of the following error of {_name(heard, lane, servo)} is "
-                told += f"{shown}, {counted(errors.size.count, 'position')}"
-                yield Figure(low, high, told, servo)
-
-
-def _lag(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, _ in _servos(rule, heard):
-        motion = heard.collector.lanes[lane].motion
-        for who, unit in motion.errors:
-            lag = motion.lags.of(servo, unit) if who == servo else None
-            if lag is not None:
-                low, high = lag.low_ns / MS, lag.high_ns / MS
-                told = f"{_name(heard, lane, servo)} is behind its goals by {lag.ms()} ms, "
-                told += counted(lag.count, "position")
-                yield Figure(low, high, told, servo)
-
-
-def _settling(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, _ in _servos(rule, heard):
-        for (who, _), steps in heard.collector.lanes[lane].motion.steps.figures().items():
-            bounds = steps.settle.figure(FIGURES[rule.figure])
-            if who == servo and bounds is not None:
-                told = (
-                    f"{rule.figure} until {_name(heard, lane, servo)} settles is {bounds.ms()} ms"
-                )
-                told += f", {counted(steps.settle.count, 'goal')} of {steps.steps}"
-                yield Figure(bounds.low / MS, bounds.high / MS, told, servo)
-
-
 def _goals(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
-    for lane, servo, mine in _servos(rule, heard):
+    for lane, servo, mine in servos_of(rule, heard):
         goals = mine.goals
         wanted = goals["acknowledged"] + goals["refused"] + goals["failed"]
         if wanted:
             told = f"{goals['acknowledged']} of {counted(wanted, 'goal')} acknowledged by "
-            told += _name(heard, lane, servo)
+            told += name_of(heard, lane, servo)
             beside = {"refused": goals["refused"], "without acknowledgement": goals["failed"]}
             told += "".join(f", {n} {what}" for what, n in beside.items() if n)
             share = goals["acknowledged"] / wanted
@@ -302,11 +233,13 @@ def _damaged(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
 def _answers(
     rule: r.Rule, heard: Subject, count: Callable[[ServoFigures], int], what: str
 ) -> Iterator[Figure]:
-    for lane, servo, mine in _servos(rule, heard):
+    for lane, servo, mine in servos_of(rule, heard):
         if mine.wanted:
             n = count(mine)
             share = n / mine.wanted
-            told = f"{n} of {counted(mine.wanted, 'answer')} of {_name(heard, lane, servo)} {what}"
+            told = (
+                f"{n} of {counted(mine.wanted, 'answer')} of {name_of(heard, lane, servo)} {what}"
+            )
             yield Figure(share, share, f"{told} ({words.number(100 * share, 3)} %)", servo)
 
 
@@ -335,9 +268,11 @@ _FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
     r.ANOMALIES: _anomalies,
     r.RESPONSE_TIME: _response_time,
     r.VALUE: _value,
-    r.FOLLOWING: _following,
-    r.LAG: _lag,
-    r.SETTLING: _settling,
+    r.FOLLOWING: following,
+    r.LAG: lag,
+    r.SETTLING: settling,
+    r.STARTING: starting,
+    r.UNREACHED: unreached,
     r.GOALS: _goals,
     r.MISSING: _missing,
     r.DAMAGED: _damaged,
@@ -351,10 +286,10 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
     """Say why there is no figure."""
     if rule.bus and not list(_buses(rule, heard)):
         return f"there is no bus {rule.bus}: {', '.join(heard.summary.buses)} is there"
-    if rule.servos and not list(_servos(rule, heard)):
+    if rule.servos and not list(servos_of(rule, heard)):
         ids = _ids(rule, heard, rule.servos)
         return f"no servo of the id {ids} was asked or heard"
-    if rule.what in (r.RESPONSE_TIME, r.SECONDS, r.LAG, r.SETTLING):
+    if rule.what in (r.RESPONSE_TIME, r.SECONDS, r.LAG, r.SETTLING, r.STARTING, r.UNREACHED):
         clocks = {wire.clock for wire in heard.collector.wires.values()}
         if clocks <= {Clock.NONE}:
             return "the input has no clock, so no time is known"
@@ -362,9 +297,13 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
             return "no goal moved so that a lag would show"
         if rule.what == r.SETTLING:
             return "no goal was reached before the next one"
+        if rule.what == r.STARTING:
+            return "no servo that stood still was seen to move behind a goal"
+        if rule.what == r.UNREACHED:
+            return "no goal was a step that could be seen"
         return "no response time is known"
     if rule.what == r.VALUE:
-        heard_of = {q for _, _, mine in _servos(rule, heard) for q, _ in mine.values}
+        heard_of = {q for _, _, mine in servos_of(rule, heard) for q, _ in mine.values}
         known = f" ({', '.join(sorted(heard_of))} were)" if heard_of else ""
         return f"no {rule.quantity} was heard{known}"
     if rule.what == r.FOLLOWING:

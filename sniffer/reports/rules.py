@@ -34,6 +34,7 @@ INCIDENTS, ANOMALIES = "incidents", "anomalies"
 RESPONSE_TIME, VALUE, GOALS = "response_time_ms", "value", "goals_acknowledged"
 MISSING, DAMAGED = "answers_missing", "answers_damaged"
 FOLLOWING, LAG, SETTLING = "following_error", "lag_ms", "settle_ms"
+STARTING, UNREACHED = "first_motion_ms", "goals_not_reached"
 IN_FRAMES, FRAMES, SECONDS = "bytes_in_frames", "frames", "seconds"
 
 KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -45,6 +46,8 @@ KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         FOLLOWING: ("figure",),
         LAG: (),
         SETTLING: ("figure",),
+        STARTING: ("figure",),
+        UNREACHED: (),
         GOALS: (),
         MISSING: (),
         DAMAGED: (),
@@ -56,7 +59,7 @@ KINDS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """What a rule may be about, with the keys that it has of its own."""
 
 OF_EACH: Final = frozenset(
-    {RESPONSE_TIME, VALUE, FOLLOWING, LAG, SETTLING, GOALS, MISSING, DAMAGED}
+    {RESPONSE_TIME, VALUE, FOLLOWING, LAG, SETTLING, STARTING, UNREACHED, GOALS, MISSING, DAMAGED}
 )
 """Rules that each servo must keep, so that one who was never heard decides nothing."""
 
@@ -67,7 +70,12 @@ SHARES: Final = frozenset({GOALS, MISSING, DAMAGED, IN_FRAMES})
 """Rules whose figure is a share, 0..1."""
 
 USUAL: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
-    {INCIDENTS: {"at_most": 0}, ANOMALIES: {"at_most": 0}, GOALS: {"at_least": 1}}
+    {
+        INCIDENTS: {"at_most": 0},
+        ANOMALIES: {"at_most": 0},
+        UNREACHED: {"at_most": 0},
+        GOALS: {"at_least": 1},
+    }
 )
 """Bounds of rules that state none: none of them, and all of them."""
 

@@ -12,9 +12,11 @@ from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
-from sniffer.ground.model import NS, Severity
+from sniffer.ground.model import MS, NS, Severity
 from sniffer.mcapfile.fields import field_name, state_field
+from sniffer.statistics.firstmotion import FirstMotions
 from sniffer.statistics.following import Follower
+from sniffer.statistics.lags import LagSeries
 from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:
@@ -29,6 +31,9 @@ KEPT: Final = 1 << 14
 
 FOLLOWING: Final = "following_error"
 """What how far positions are from their goals is called, without sign."""
+
+FIRST_MOTION, LAG = "first_motion", "lag"
+"""How late a servo is: from a goal to its first motion, and behind goals that move."""
 
 SETTINGS: Final = 8
 """Values of a setting that are told apart."""
@@ -58,6 +63,9 @@ class RunFigures:
         self.errors: Counter[tuple[Who, str]] = Counter()
         self.response_ms: dict[tuple[Who, str], Thinned] = {}
         self.doubt_ms: dict[tuple[Who, str], Thinned] = {}
+        self.motion_ms: dict[tuple[Who, str], Thinned] = {}
+        self.motion_doubt_ms: dict[tuple[Who, str], Thinned] = {}
+        """How late servos are, by ``FIRST_MOTION`` and ``LAG``, and how sure that is."""
         self.period_ms: dict[tuple[Who, str], Thinned] = {}
         self.measured: dict[tuple[Who, str], Thinned] = {}
         self.commanded: dict[tuple[Who, str], Thinned] = {}
@@ -67,6 +75,8 @@ class RunFigures:
         """What a diagnosis says of the run, where all of it is compared."""
         self._last: dict[tuple[Who, str], int] = {}
         self._followers: dict[str, Follower] = {}
+        self._starts: dict[str, FirstMotions] = {}
+        self._lags: dict[tuple[Who, str], LagSeries] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -120,7 +130,10 @@ class RunFigures:
         self.commands = Counter({(own(w), c): n for (w, c), n in self.commands.items()})
         self.errors = Counter({(own(w), c): n for (w, c), n in self.errors.items()})
         self.settings = {(own(w), c): n for (w, c), n in self.settings.items()}
-        for of in ("response_ms", "doubt_ms", "period_ms", "measured", "commanded"):
+        for of in (
+            *("response_ms", "doubt_ms", "motion_ms", "motion_doubt_ms"),
+            *("period_ms", "measured", "commanded"),
+        ):
             series: dict[tuple[Who, str], Thinned] = getattr(self, of)
             setattr(self, of, {(own(w), c): s for (w, c), s in series.items()})
 
@@ -130,14 +143,30 @@ class RunFigures:
                 self.errors[Who(bus, servo if servo >= 0 else None), CODES[code]] += 1
 
     def _motion(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Take how far positions are from their goals; these may lie outside a selection."""
+        """Take how far positions are from their goals, and how late.
+
+        Goals may lie outside a selection.
+        """
         follower = self._followers.setdefault(bus, Follower(protocol))
+        starts = self._starts.setdefault(bus, FirstMotions(protocol.registers))
         for course in follower.add(batch):
+            who = Who(bus, course.servo_id)
+            begun = [((b.low + b.high) / 2, (b.high - b.low) / 2) for b in starts.add(course)]
+            self._late(who, FIRST_MOTION, begun)
+            lags = self._lags.setdefault((who, course.unit), LagSeries())
+            self._late(who, LAG, lags.add(course))
             error = np.abs(course.goal - course.position)
             error = error[course.shown & ~np.isnan(error)]
             if len(error):
                 key = Who(bus, course.servo_id), field_name(FOLLOWING, course.unit)
                 self.measured.setdefault(key, Thinned(KEPT)).add(error)
+
+    def _late(self, who: Who, name: str, times: Sequence[tuple[float, float]]) -> None:
+        """Take times in ns, each with its uncertainty."""
+        for series, k in ((self.motion_ms, 0), (self.motion_doubt_ms, 1)):
+            if times:
+                told = np.array([time[k] / MS for time in times])
+                series.setdefault((who, name), Thinned(KEPT)).add(told)
 
     def _commands(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames

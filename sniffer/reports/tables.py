@@ -35,6 +35,8 @@ MEASURED: Final = ("voltage", "temperature", "load", "current")
 
 REPLY: Final = f"reply {' / '.join(FIGURES)} ms"
 
+STARTS: Final = "first motion ms p50 / max"
+
 FACTS: Final = 200
 VALUE: Final = 500
 NAME: Final = 80
@@ -107,8 +109,13 @@ def servos(content: Content) -> Table:
         for quantity in (POSITION, *MEASURED):
             row[quantity] = words.spread(mine.range_of(quantity), mine.unit_of(quantity) or "")
         wanted = sum(mine.goals.values()) - mine.goals["unanswered"]
-        lag = content.collector.lanes[lane].motion.lags.of(servo, mine.unit_of(POSITION) or "")
+        motion, own = content.collector.lanes[lane].motion, (servo, mine.unit_of(POSITION) or "")
+        lag, starts = motion.lags.of(*own), motion.starts.figures().get(own)
         row["behind goals ms"] = "" if lag is None else lag.ms()
+        begun = [starts.times.figure(share) for share in (0.5, 1.0)] if starts is not None else []
+        row[STARTS] = " / ".join(b.ms() for b in begun if b is not None)
+        steps = motion.steps.figures().get(own)
+        row["goals not reached"] = str(steps.unreached_count or "") if steps is not None else ""
         row["acknowledged"] = f"{mine.goals['acknowledged']} of {wanted}" if wanted else ""
         rows.append(row)
     head = tuple(name for name in (rows[0] if rows else ()) if any(row[name] for row in rows))

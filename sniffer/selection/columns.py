@@ -13,17 +13,23 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.called import SERVO_NAME, ServoNames
 from sniffer.decoding.fields import tidied
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES
 from sniffer.ground.distinct import FEW, distinct
 from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.ground.limits import IDS
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Frames, Mask
     from sniffer.protocols.base import BusProtocol
+
+
+NAMELESS: Final = ServoNames()
+"""Where no servo has a name."""
 
 
 class Numbers(NamedTuple):
@@ -82,9 +88,13 @@ class TextTest:
 
 
 class Names(NamedTuple):
-    """A column of texts: ``test`` gives the rows whose text passes, or one answer for all."""
+    """A column of texts: ``test`` gives the rows whose text passes, or one answer for all.
+
+    ``present`` tells which rows have one, where not all do: the others pass no test.
+    """
 
     test: Callable[[TextTest], Mask | bool]
+    present: Callable[[], Mask] | None = None
 
 
 def _no_negative(column: Any) -> bool:
@@ -97,10 +107,12 @@ def _no_negative(column: Any) -> bool:
 class Rows:
     """The rows of one batch, and what several of their columns need."""
 
-    __slots__ = ("_all_asked", "_asked", "_found", "_gaps", "batch", "bus", "protocol")
+    __slots__ = ("_all_asked", "_asked", "_found", "_gaps", "batch", "bus", "names", "protocol")
 
-    def __init__(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        self.bus, self.protocol, self.batch = bus, protocol, batch
+    def __init__(
+        self, bus: str, protocol: BusProtocol, batch: Batch, names: ServoNames = NAMELESS
+    ) -> None:
+        self.bus, self.protocol, self.batch, self.names = bus, protocol, batch, names
         self._all_asked: bool | None = None
         self._asked: tuple[Frames, I64] | None = None
         self._found: Anomalies | None = None
@@ -187,6 +199,29 @@ def _coded(names: tuple[str, ...], take: Callable[[Rows], Any]) -> ColumnKind:
     return ColumnKind(True, lambda rows: Names(lambda test: test.table(names)[take(rows)]), names)
 
 
+def _called(who: ColumnKind) -> ColumnKind:
+    """Return a column of what servos are called; ``who`` are their ids."""
+
+    def column(rows: Rows) -> Names:
+        known, ids = rows.names.on_bus(rows.bus), who.take(rows)
+        assert isinstance(ids, Numbers)
+
+        def holding(holds: Callable[[str], bool]) -> Mask:
+            passing = np.zeros(IDS + 1, bool)  # -1, nobody's, is the last one
+            passing[[servo for servo, name in known.items() if holds(name)]] = True
+            mask: Mask = passing[ids.values]
+            return mask
+
+        return Names(lambda test: holding(test.of), lambda: holding(bool))
+
+    return ColumnKind(True, column)
+
+
+def _of_servos(who: ColumnKind) -> Mapping[str, ColumnKind]:
+    """Return the columns that say whose rows are; both stand in each table that has one of them."""
+    return {"servo_id": who, SERVO_NAME: _called(who)}
+
+
 def _register(called: Callable[[Any], str]) -> ColumnKind:
     """Return a column of what registers are called in some way: each has a table of its own."""
 
@@ -257,7 +292,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
             "offset": _number(lambda r: r.batch.frames.start + r.batch.base),
             "length": _number(lambda r: r.batch.frames.length),
             "kind": _coded(KINDS, lambda r: r.batch.frames.kind),
-            "servo_id": _known(lambda r: r.batch.frames.servo_id),
+            **_of_servos(_known(lambda r: r.batch.frames.servo_id)),
             "op": ColumnKind(
                 True, lambda r: Names(lambda test: test.ops(r.protocol, r.batch.frames.op))
             ),
@@ -278,7 +313,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
         "transactions": {
             "t_ns": _number(lambda r: r.batch.frames.t_end[r.last]),
             "bus": _BUS,
-            "servo_id": _known(_asked_id),
+            **_of_servos(_known(_asked_id)),
             "op": ColumnKind(True, _asked_op),
             "outcome": _coded(OUTCOMES, lambda r: r.batch.transactions.outcome),
             "response_time_ns": _known(lambda r: r.batch.transactions.response_time_ns),
@@ -290,7 +325,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
         "samples": {
             "t_ns": _number(lambda r: r.batch.values.t_ns),
             "bus": _BUS,
-            "servo_id": _known(lambda r: r.batch.values.servo_id),
+            **_of_servos(_known(lambda r: r.batch.values.servo_id)),
             "register": _register(lambda register: str(register.name)),
             "quantity": _register(lambda register: str(register.quantity)),
             "role": _coded(ROLES, lambda r: r.batch.values.role),
@@ -305,7 +340,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
         "anomalies": {
             "t_ns": _number(lambda r: r.found.t_ns),
             "bus": _BUS,
-            "servo_id": _known(lambda r: r.found.servo_id),
+            **_of_servos(_known(lambda r: r.found.servo_id)),
             "severity": _coded(_LEVELS, lambda r: r.found.code)._replace(names=SEVERITIES),
             "group": _coded(_GROUPS, lambda r: r.found.code),
             "code": _coded(CODES, lambda r: r.found.code),
@@ -322,19 +357,26 @@ Of a gap's reason, a frame's kind and the like all names are known; a command's 
 those of the protocol. A name means the same in every table that has it.
 """
 
-LENT: Final[Mapping[str, ColumnKind]] = MappingProxyType(
+LENT: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
     {
-        "kind": _coded(KINDS, lambda r: r.batch.frames.kind[r.batch.values.row]),
-        "op": ColumnKind(True, _said_op),
-        "address": _known(lambda r: r.batch.frames.address[r.batch.values.row]),
-        "status": _known(lambda r: r.batch.frames.status[r.batch.values.row]),
+        "samples": {
+            "kind": _coded(KINDS, lambda r: r.batch.frames.kind[r.batch.values.row]),
+            "op": ColumnKind(True, _said_op),
+            "address": _known(lambda r: r.batch.frames.address[r.batch.values.row]),
+            "status": _known(lambda r: r.batch.frames.status[r.batch.values.row]),
+        },
+        "gaps": _of_servos(_known(lambda r: r.gaps.servo_id)),
     }
 )
-"""Columns that samples have of the frames which state them, where an expression names columns of
-both: what was written to a register is ``register = 'goal_position' AND kind = 'request'``."""
+"""Columns that a table has beside its own, for expressions that no table has all columns of.
+
+Samples have those of the frames which state them: what was written to a register is ``register =
+'goal_position' AND kind = 'request'``. Gaps have the servo whose frame they may have been, as far
+as the torn bytes tell: they are asked for it by name (``servo_id = 3 AND reason = 'truncated'``),
+and are not among what is surely that servo's."""
 
 TAKEN: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
-    {**TABLES, "samples": {**LENT, **TABLES["samples"]}}
+    {table: {**LENT.get(table, {}), **columns} for table, columns in TABLES.items()}
 )
 """The columns that may be asked for, by the rows that are tested."""
 

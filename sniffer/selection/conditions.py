@@ -75,9 +75,12 @@ def is_null(name: str, *, flip: bool) -> Condition:
 
     def holds(ask: Ask) -> Mask | bool:
         column = ask(name)
-        if isinstance(column, Names) or column.blank is None:
-            return flip
-        here = present(column.values, column.blank)
+        if isinstance(column, Names):
+            here = True if column.present is None else column.present()
+        else:
+            here = present(column.values, column.blank)
+        if isinstance(here, bool):
+            return here is flip
         return here if flip else np.logical_not(here)
 
     return holds

@@ -45,6 +45,9 @@ FRESH: Final = "pty"
 _OF_SERVO: Final = ":servo="
 """Behind the place of an anomaly: of one servo's."""
 
+_FROM_THERE: Final = re.compile(r"(@.+[^-+])([-+])((?:\d+(?:\.\d*)?|\.\d+)[a-z]+)", re.IGNORECASE)
+"""A place and how long before or behind it: ``@first-error-100ms``. No code ends with a time."""
+
 _PORT: Final = re.compile(rf"{FRESH}|COM[0-9]+|\.{{0,2}}/.*", re.IGNORECASE)
 
 SINCE, OF_DAY, MOMENT, FOUND = "since", "of_day", "moment", "found"
@@ -58,7 +61,8 @@ class CapturePlace:
 
     What is to be looked for is ``sought``: ``byte`` (of ``bus``, if one is named), ``anomaly``, a
     severity or a code, or the ``end``; ``number`` is that of the byte, or which of them is meant,
-    from 1, or how many ns before the end; where ``servo`` is told, of those about this one.
+    from 1, or how many ns before the end; where ``servo`` is told, of those about this one. What is
+    meant is ``shift_ns`` behind what is found.
     """
 
     text: str
@@ -68,6 +72,7 @@ class CapturePlace:
     number: int = 0
     bus: str = ""
     servo: int | None = None
+    shift_ns: int = 0
 
     @property
     def is_counted(self) -> bool:
@@ -94,7 +99,7 @@ class CapturePlace:
 
     def found(self, t_ns: int) -> CapturePlace:
         """Return the place once it is found."""
-        return replace(self, kind=MOMENT, ns=t_ns)
+        return replace(self, kind=MOMENT, ns=t_ns + self.shift_ns)
 
 
 def names_port(text: str) -> bool:
@@ -115,7 +120,12 @@ def place_in(text: str) -> CapturePlace:
     """
     plain = text.strip()
     if plain.startswith("@"):
-        return _sought(plain)
+        apart = _FROM_THERE.fullmatch(plain)
+        shift_ns = None if apart is None else time_in(apart[3], bare=False)
+        if apart is None or shift_ns is None:
+            return _sought(plain)
+        shift_ns = -shift_ns if apart[2] == "-" else shift_ns
+        return replace(_sought(apart[1]), text=plain, shift_ns=shift_ns)
     if (ns := _duration(plain.removeprefix("-"))) is not None:
         if plain.startswith("-"):
             return CapturePlace(plain, FOUND, sought=END, number=ns)

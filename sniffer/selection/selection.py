@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.decoding.called import ServoNames
+from sniffer.decoding.called import SERVO_NAME, ServoNames
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, and_, spelled
-from sniffer.selection.columns import LENT, TABLES, TAKEN, VALUES, Rows
+from sniffer.selection.columns import LENT, NAMELESS, TABLES, TAKEN, VALUES, Rows
 from sniffer.selection.expression import Expression, near, read
 
 if TYPE_CHECKING:
@@ -35,27 +35,28 @@ SHORTHANDS: Final = {
 _SOMEBODY: Final = "servo_id IS NOT NULL AND bus IS NOT NULL"
 """Has the columns of a condition on servos, while it is not known yet who is called so."""
 
-WHOSE: Final = frozenset(("bus", "protocol", "servo_id", "t_ns"))
+WHOSE: Final = frozenset(("bus", "protocol", "servo_id", SERVO_NAME, "t_ns"))
 """Columns that say of whatever rows whose they are, and when."""
 
 
 class Selection:
     """Which rows are shown: those of the tables that have all columns of an expression.
 
-    Where none has, samples have some of the frames that state them, too (``columns.LENT``).
+    Where none has, some tables have a few more (``columns.LENT``).
 
     ``text`` is the expression, valid SQL; ``tables`` are the tables it speaks of, names of
     ``columns.TABLES``. Rows of other tables are not shown.
     """
 
-    def __init__(self, expression: Expression) -> None:
+    def __init__(self, expression: Expression, names: ServoNames = NAMELESS) -> None:
         self._named: Callable[[ServoNames], Selection] | None = None
         """Makes it of servos that were told by names: who is called so is known later."""
+        self._names = names
         named = set(expression.columns)
         self.text = expression.text
         self.tables = tuple(name for name, columns in TABLES.items() if named <= columns.keys())
-        if not self.tables and named <= TABLES["samples"].keys() | LENT.keys():
-            self.tables = ("samples",)
+        if not self.tables:
+            self.tables = tuple(name for name in LENT if named <= TAKEN[name].keys())
         self._expression = expression
         if not self.tables:
             raise InputError(Sentence("{where}: {why}", why=_apart(self.columns)))
@@ -84,7 +85,9 @@ class Selection:
             return self
         known = WHOSE & TABLES[table].keys()
         parts = [part for part in _parts(self._expression) if set(part.columns) <= known]
-        return Selection.parse(" AND ".join(part.text for part in parts)) if parts else None
+        if not parts:
+            return None
+        return Selection(read(" AND ".join(part.text for part in parts)), self._names)
 
     @classmethod
     def parse(cls, text: str) -> Selection:
@@ -154,12 +157,13 @@ class Selection:
         return out
 
     def named(self, names: ServoNames) -> Selection:
-        """Return it with the ids of the servos that were told by their names.
+        """Return it with what servos are called: the ids of those told by name, ``servo_name``.
 
         Raises:
             InputError: no servo is called so.
         """
-        return self if self._named is None else self._named(names)
+        known = self if self._named is None else self._named(names)
+        return Selection(known._expression, names)
 
     def rows(self, bus: str, protocol: BusProtocol, batch: Batch) -> Callable[[str], Mask]:
         """Return what gives, by the name of a table, which of a batch's rows are shown.
@@ -167,7 +171,7 @@ class Selection:
         Samples are the rows of ``batch.values``: those that did not become true are in no table.
         A mask is made when it is first asked for.
         """
-        rows = Rows(bus, protocol, batch)
+        rows = Rows(bus, protocol, batch, self._names)
         known: dict[str, Mask] = {}
 
         def shown(table: str) -> Mask:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer import __version__
+from sniffer.decoding.called import ServoNames
 from sniffer.ground.model import NS, OutputError
 from sniffer.mcapfile.kinds import MessageType, type_of
 from sniffer.mcapfile.levels import LEVELS
@@ -59,6 +60,7 @@ class FoxgloveSink:
         self._queue = Queue()
         self._bauds = dict(bauds)
         self._buses: dict[str, BusWriter] = {}
+        self._names = ServoNames()
         for bus in buses:
             for topic in FIXED:
                 self._open(f"/{bus.strip('/')}/{topic}", DERIVED[topic], {"bus": bus})
@@ -71,6 +73,10 @@ class FoxgloveSink:
             raise OutputError(f"nobody can be served at {host}:{port} ({error})") from None
         self.address = f"ws://{host}:{self._server.port}"
 
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
+
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: what is shown is what was decoded."""
 
@@ -82,7 +88,9 @@ class FoxgloveSink:
         """Take what a pass decided."""
         if bus not in self._buses:
             self._buses[bus] = BusWriter(
-                bus, self._bauds.get(bus), 0, self._queue, self._open, counted=False
+                *(bus, self._bauds.get(bus), 0, self._queue, self._open),
+                counted=False,
+                names=self._names,
             )
         self._buses[bus].write(protocol, batch)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.summary import Summary
 from sniffer.decoding.totals import add_totals
 from sniffer.ground.files import open_text, writing
@@ -31,6 +32,11 @@ class JsonlSink:
         self._path = target if isinstance(target, Path) else None
         self._file = open_text(target) if isinstance(target, Path) else target
         self._summary = Summary()
+        self._names = ServoNames()
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: the records hold every byte."""
@@ -59,7 +65,7 @@ class JsonlSink:
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
         with self._guard():
-            self._file.write(lines(bus, parts))
+            self._file.write(lines(bus, parts, self._names))
 
     def pieces(self) -> LinePieces:
         """Return how a part of a capture is written elsewhere."""
@@ -101,6 +107,11 @@ class LinePiece:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._file = open_text(path)
+        self._names = ServoNames()
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -112,7 +123,7 @@ class LinePiece:
     def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Write what several protocols said in one pass, in wire order."""
         with writing(self._path):
-            self._file.write(lines(bus, parts))
+            self._file.write(lines(bus, parts, self._names))
 
     def close(self) -> None:
         """Finish the file."""

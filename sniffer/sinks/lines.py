@@ -6,10 +6,12 @@ made anew; here lines are pieces of text (``pieced``) with numbers between them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.called import SERVO_NAME
 from sniffer.decoding.fields import value_ranges
 from sniffer.decoding.rows import (
     OF_ANOMALIES,
@@ -26,8 +28,9 @@ from sniffer.sinks.kept import packed
 from sniffer.sinks.pieced import BARE, FRAME, SAMPLE, TRANSACTION, LineTexts, cut, encode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import I64, Batch
 
@@ -35,28 +38,52 @@ if TYPE_CHECKING:
     """What the lines are of (``OF_FRAMES`` ...), the place of each in the stream, and they."""
 
 
-def lines(bus: str, parts: Sequence[Part]) -> str:
-    """Return what several protocols said in one pass as JSON lines, in wire order."""
+_WHO: Final = re.compile(r'"servo_id":(\d+)')
+"""Whose a record is. In a text that stands in front of it quotes are escaped."""
+
+
+def lines(bus: str, parts: Sequence[Part], names: ServoNames | None = None) -> str:
+    """Return what several protocols said in one pass as JSON lines, in wire order.
+
+    What servos are called stands behind their ids, where ``names`` are known.
+    """
+    called = names.on_bus(bus) if names else {}
     places: list[I64] = [np.empty(0, np.int64)]
     texts: list[str] = []
     for protocol, batch in parts:
-        for kind, at, told in _found(bus, LineTexts.of(protocol), batch):
+        for kind, at, told in _found(bus, LineTexts.of(protocol), batch, called):
             places.append(at * 4 + kind)
             texts += told
     order = np.argsort(np.concatenate(places), kind="stable")
     return "".join(map(texts.__getitem__, order.tolist()))
 
 
-def _found(bus: str, pieces: LineTexts, batch: Batch) -> Iterator[Placed]:
+def _found(
+    bus: str, pieces: LineTexts, batch: Batch, called: Mapping[int, str]
+) -> Iterator[Placed]:
     """Yield a batch's lines kind by kind."""
     told = pieces.values(batch.values)
-    yield _frames(bus, pieces, batch, [value.field for value in told])
-    yield _samples(bus, pieces, batch, [value.sample for value in told])
-    yield _transactions(bus, pieces, batch)
-    if len(batch.gaps):
+    for placed in (
+        _frames(bus, pieces, batch, [value.field for value in told]),
+        _samples(bus, pieces, batch, [value.sample for value in told]),
+        _transactions(bus, pieces, batch),
+        *([_anomalies(bus, pieces, batch)] if len(batch.anomalies) else ()),
+    ):
+        yield _named(placed, called) if called else placed
+    if len(batch.gaps):  # a gap is nobody's for sure: whose it may be stands in its detail
         yield _gaps(bus, pieces, batch)
-    if len(batch.anomalies):
-        yield _anomalies(bus, pieces, batch)
+
+
+def _named(placed: Placed, called: Mapping[int, str]) -> Placed:
+    """Return lines with names of servos; only samples are several in one text."""
+    kind, at, texts = placed
+    known = {str(servo): f',"{SERVO_NAME}":{encode(name)}' for servo, name in called.items()}
+    most = 0 if kind == OF_SAMPLES else 1
+
+    def behind(who: re.Match[str]) -> str:
+        return who[0] + known.get(who[1], "")
+
+    return kind, at, [_WHO.sub(behind, text, most) for text in texts]
 
 
 def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) -> Placed:

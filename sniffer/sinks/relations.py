@@ -51,6 +51,7 @@ GAPS = pa.schema(
     [
         always("t_ns", pa.int64()),
         always("bus", NAME),
+        pa.field("servo_id", pa.int16(), metadata={"about": "whose frame it may have been"}),
         always("offset", pa.int64()),
         always("length", pa.int64()),
         always("reason", NAME),
@@ -111,10 +112,12 @@ def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 def gaps_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's gaps as an arrow table with the columns of ``GAPS``."""
     gaps = Gaps.of(selected(batch).gaps)
+    who = gaps.servo_id.astype(np.int16)
     return pa.Table.from_arrays(
         [
             pa.array(gaps.t_ns),
             constant(bus, len(gaps)),
+            absent(who, who < 0),
             pa.array(gaps.start + batch.base),
             pa.array(gaps.length),
             named(gaps.kind, REASONS),

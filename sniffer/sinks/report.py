@@ -7,25 +7,28 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
+from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
+from sniffer.ground.streams import UNFOLDED
 from sniffer.ground.wording import and_, counted, plain, short
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks.consoles import GLUE, NARROWEST, glued, unpadded
+from sniffer.sinks.tabulated import called
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from rich.console import Console, JustifyMethod
 
-    from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis import Incident
@@ -141,12 +144,18 @@ def _print_bus(
         lines.append(f"models told by the wire: {shown}")
     if b.looks_like:
         lines.append(f"this looks like {b.looks_like}: decode it as {b.looks_like}")
+    table = _commands(name, b, names)
+    anyhow = console.options.update(max_width=UNFOLDED)  # a width is never more than this
+    if names and Measurement.get(console, anyhow, table).minimum > console.width:
+        met = {servo for servo, _, _ in b.by_command}
+        lines.append(called({s: n for s, n in names.on_bus(name).items() if s in met}))
+        table = _commands(name, b, ServoNames())
     console.print(Text(short(plain(title)), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
     if b.by_command:
         console.print()
-        console.print(_commands(name, b, names))
+        console.print(table)
     console.print()
     left = _unexplained(b, incidents)
     if incidents:

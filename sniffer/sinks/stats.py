@@ -9,15 +9,22 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
-from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
+from sniffer.sinks.cells import left_of, ms_of, seconds_of, who_of
+from sniffer.sinks.consoles import console_for, tables_in, unpadded
+from sniffer.sinks.motions import (
+    error_table,
+    lag_table,
+    start_table,
+    step_table,
+    unreached_table,
+)
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
-from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
-from sniffer.statistics.lags import whole_ms
+from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
+from sniffer.statistics.goalsteps import HELD_NS
 from sniffer.statistics.told import OF_SERVOS
 
 if TYPE_CHECKING:
@@ -83,11 +90,31 @@ def _print_bus(
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
-    for line in _about(bus, width, tables):
+    shown = _tables(bus, width, tables)
+    lines = [*_about(bus, width, tables)]
+    if any(table is not None and table.lacks_names(most, width) for _, table in shown):
+        lines.append(_named(bus))
+    for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
+    for heading, table in shown:
+        if table is not None:
+            console.print()
+            console.print(Text(f" {heading}", style="dim"))
+            console.print(table.table(most, width))
+            left = 0 if most is None else len(table.rows) - most
+            if left > 0:
+                console.print(Text(f"  ... and {left} more{how}", style="dim"))
+        if table is not None and heading.startswith("response"):
+            print_histograms(bus, statistics, console, width)
+
+
+def _tables(
+    bus: Mapping[str, Any], width: int, tables: Sequence[str] | None
+) -> Sequence[tuple[str, Tabulated | None]]:
+    """Return the tables of a bus with their headings."""
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
-    for heading, table in (
+    return (
         (
             "over time (response times in ms)" if has_replies(bus) else "over time",
             over_time(bus, width, tables),
@@ -98,22 +125,18 @@ def _print_bus(
         ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
         ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
-        ("following error (goal less position), greatest first", _errors(bus, first)),
-        ("lag behind goals that move, longest first", _lags(bus)),
-        ("goal steps, slowest to settle first", _steps(bus)),
+        ("following error (goal less position), greatest first", error_table(bus, first)),
+        ("lag behind goals that move, longest first", lag_table(bus)),
+        ("goal steps, slowest to settle first", step_table(bus)),
+        ("first motion behind a goal that came at rest, slowest first", start_table(bus, first)),
+        (
+            f"goals not reached in {HELD_NS / NS:g} s and more, furthest off first",
+            unreached_table(bus, first),
+        ),
         ("values", _values(bus, first)),
         ("your rules", _alarms(bus)),
         ("anomalies", _anomalies(bus, first, width)),
-    ):
-        if table is not None:
-            console.print()
-            console.print(Text(f" {heading}", style="dim"))
-            console.print(table.table(most, width))
-            left = 0 if most is None else len(table.rows) - most
-            if left > 0:
-                console.print(Text(f"  ... and {left} more{how}", style="dim"))
-        if table is not None and heading.startswith("response"):
-            print_histograms(bus, statistics, console, width)
+    )
 
 
 def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
@@ -141,36 +164,29 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
         yield drawn
 
 
-def _who(row: Mapping[str, Any], *, many: bool = False) -> str:
-    who = "-" if row["servo_id"] is None else str(row["servo_id"])
-    if SERVO_NAME in row:
-        who = glued(f"{who} {row[SERVO_NAME]}")
-    return f"{row['protocol']} {who}" if many else who
-
-
-def _left(bus: Mapping[str, Any], *columns: str) -> tuple[str, ...]:
-    """Return the columns of words; servos are such where they have names."""
-    named = any(SERVO_NAME in row for key in OF_SERVOS for row in bus[key])
-    return ("servo", *columns) if named else columns
+def _named(bus: Mapping[str, Any]) -> str:
+    """Return what the servos of a bus are called."""
+    rows = (row for key in OF_SERVOS for row in bus[key] if SERVO_NAME in row)
+    return called({row["servo_id"]: row[SERVO_NAME] for row in rows})
 
 
 def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     clocked = bus["load"] is not None
     columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
-    table = Tabulated("servo", "command", *columns, left=_left(bus, "command"))
+    table = Tabulated("servo", "command", *columns, left=left_of(bus, "command"))
     timed = any(c["loop"] for c in bus["commands"])
     for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
     for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
-        row = [_who(c, many=many), c["op"], str(c["requests"])]
+        row = [who_of(c, many=many), c["op"], str(c["requests"])]
         if clocked:
             row += [number(c["rate_hz"]), percent(c["bus_time_share"])]
         else:
             row.append(percent(c["bytes_share"]))
         if timed:
             loop = c["loop"] or {"period_ns": None, "jitter_ns": None}
-            row += [_ms(loop["period_ns"], "p50"), _ms(c["longest_period"], "value_ns")]
-            row += [_ms(loop["jitter_ns"], "p95")]
+            row += [ms_of(loop["period_ns"], "p50"), ms_of(c["longest_period"], "value_ns")]
+            row += [ms_of(loop["jitter_ns"], "p95")]
         table.add_row(*row)
     return table if bus["commands"] else None
 
@@ -181,7 +197,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     if not asked:
         return None
     table = Tabulated(
-        "servo", "command", "asked", "missing", "share", "95 % sure", left=_left(bus, "command")
+        "servo", "command", "asked", "missing", "share", "95 % sure", left=left_of(bus, "command")
     )
     for column in ("failed", "retries"):
         table.add_column(column)
@@ -190,7 +206,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         told = f"{100 * low:.2g}-{percent(high)}"
         counts = str(c["asked"]), str(c["missing"]), percent(c["missing_share"]), told
         table.add_row(
-            _who(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
+            who_of(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
         )
     sound = len(asked) - len(worst)
     if sound:
@@ -208,66 +224,16 @@ def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> T
     if not timed:
         return None
     names = ("min", "p50", "p95", "p99", "max")
-    table = Tabulated("servo", "command", "answers", *names, left=_left(bus, "command"))
+    table = Tabulated("servo", "command", "answers", *names, left=left_of(bus, "command"))
     places = ("at s", "at byte") if width >= ROOMY else ("at s",)
     for column in places if any(c["slowest"] for c in timed) else ():
         table.add_column(column)
     for c in sorted(timed, key=lambda c: [-c["response_time_ns"][n][1] for n in reversed(names)]):
         q, worst = c["response_time_ns"], c["slowest"]
-        row = [_who(c, many=many), c["op"], str(q["count"]), *(_ms(q, n) for n in names)]
+        row = [who_of(c, many=many), c["op"], str(q["count"]), *(ms_of(q, n) for n in names)]
         if worst:
-            row += [_seconds(worst["t_ns"], first, bus), str(worst["offset"])][: len(places)]
+            row += [seconds_of(worst["t_ns"], first, bus), str(worst["offset"])][: len(places)]
         table.add_row(*row)
-    return table
-
-
-def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
-    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"]]
-    if not rows:
-        return None
-    table = Tabulated(
-        "servo", "unit", "values", "p50", "p95", "max", "at s", "at byte", left=_left(bus)
-    )
-    for s, e in sorted(rows, key=lambda r: -r[1]["size"]["max"][1]):
-        size, worst = e["size"], e["worst"]
-        half = [_middle(size[name]) for name in ("p50", "p95")]
-        place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
-        values = str(size["count"]), *half, number(worst["value"])
-        table.add_row(_who(s), word_of(e["unit"]), *values, *place)
-    return table
-
-
-def _lags(bus: Mapping[str, Any]) -> Tabulated | None:
-    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"] if e["lag"]]
-    if not rows:
-        return None
-    columns = ("servo", "unit", "values", "lag ms", "error (rms)", "without lag")
-    table = Tabulated(*columns, left=_left(bus))
-    for s, e in sorted(rows, key=lambda r: -r[1]["lag"]["ns"][1]):
-        lag = e["lag"]
-        left = number(lag["rms_unshifted"]), number(lag["rms"])
-        table.add_row(_who(s), word_of(e["unit"]), str(lag["count"]), whole_ms(*lag["ns"]), *left)
-    return table
-
-
-def _steps(bus: Mapping[str, Any]) -> Tabulated | None:
-    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["steps"] if e["count"]]
-    if not rows:
-        return None
-    columns = ("servo", "steps", "settled", "in ms p50", "max", "overshoot p50", "max", "not")
-    table = Tabulated(*columns, left=_left(bus, "not"))
-
-    def rank(row: Row) -> tuple[float, ...]:
-        settled = row[1]["fates"].get("settled", 0) / row[1]["count"]
-        return settled, -(row[1]["settle_ns"] or {"max": [0, 0]})["max"][1]
-
-    for s, e in sorted(rows, key=rank):
-        past = e["overshoot_percent"]
-        beyond = [f"{_middle(past[n])} %" if past else "" for n in ("p50", "max")]
-        others = [f"{n} {k.replace('_', ' ')}" for k, n in e["fates"].items() if k != "settled"]
-        settled = str(e["fates"].get("settled", 0))
-        times = [_ms(e["settle_ns"], n) for n in ("p50", "max")]
-        table.add_row(_who(s), str(e["count"]), settled, *times, *beyond, ", ".join(others))
     return table
 
 
@@ -284,14 +250,14 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         "greatest",
         "at s",
         "unit",
-        left=_left(bus, "quantity", "unit"),
+        left=left_of(bus, "quantity", "unit"),
     )
     told = ""
     for quantity, s, v in sorted(rows, key=lambda r: (r[0], r[2]["unit"], -r[2]["max"]["value"])):
         ends = (v["min"], v["max"])
-        cells = [x for e in ends for x in (number(e["value"]), _seconds(e["t_ns"], first, bus))]
+        cells = [x for e in ends for x in (number(e["value"]), seconds_of(e["t_ns"], first, bus))]
         name = quantity if quantity != told else ""
-        table.add_row(name, _who(s), str(v["count"]), *cells, word_of(v["unit"]))
+        table.add_row(name, who_of(s), str(v["count"]), *cells, word_of(v["unit"]))
         told = quantity
     return table
 
@@ -300,14 +266,14 @@ def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     if not bus["alarms"]:
         return None
     table = Tabulated(
-        "rule", "servo", "times", "met for s", "of s", "worst", left=_left(bus, "rule")
+        "rule", "servo", "times", "met for s", "of s", "worst", left=left_of(bus, "rule")
     )
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
         worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {word_of(e['unit'])}"
         heard = f"{e['heard_ns'] / NS:.3f}"
-        table.add_row(e["rule"], _who(e), str(e["times"]), lasted, heard, worst)
+        table.add_row(e["rule"], who_of(e), str(e["times"]), lasted, heard, worst)
     return table
 
 
@@ -316,29 +282,16 @@ def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> Tabulated | No
         return None
     drawn = "over time" if width >= ROOMY else ""
     columns = ("anomaly", "servo", "count", "per s", "first s", "last s", "at byte")
-    table = Tabulated(*columns, left=_left(bus, "anomaly"))
+    table = Tabulated(*columns, left=left_of(bus, "anomaly"))
     if drawn:
         table.add_column(drawn, left=True)
     for a in bus["anomalies"]:
         name = Text(a["code"], style=_COLOUR[a["severity"]])
         rate = "" if a["rate_hz"] is None else number(a["rate_hz"])
-        ends = [_seconds(a[k], first, bus) for k in ("first_ns", "last_ns")]
-        row: list[Text | str] = [name, _who(a), str(a["count"]), rate, *ends]
+        ends = [seconds_of(a[k], first, bus) for k in ("first_ns", "last_ns")]
+        row: list[Text | str | ServoCell] = [name, who_of(a), str(a["count"]), rate, *ends]
         row.append(str(a["offsets"][0]))
         if drawn:
             row.append(bars(halved(a["over_time"]["counts"], width - 80)))
         table.add_row(*row)
     return table
-
-
-def _seconds(t_ns: int, first: int, bus: Mapping[str, Any]) -> str:
-    return "" if bus["load"] is None else f"{(t_ns - first) / NS:.3f}"
-
-
-def _ms(q: Mapping[str, Any] | None, name: str) -> str:
-    return "" if q is None else Bounds(*q[name]).ms()
-
-
-def _middle(bounds: Sequence[float]) -> str:
-    """Return a number that is known to 2 %; what is no more than a thousandth is nothing."""
-    return number(sum(bounds) / 2 if bounds[1] > 1e-3 else 0.0)

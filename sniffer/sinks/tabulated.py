@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rich.table import Table
+from rich.text import Text
+
+from sniffer.sinks.consoles import glued
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from rich.text import Text
+    from collections.abc import Iterable, Mapping, Sequence
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
+
+
+class ServoCell(NamedTuple):
+    """Whose a row is, with what the servo is called where the table has room for that."""
+
+    who: str
+    name: str
+
+    def __str__(self) -> str:
+        return glued(f"{self.who} {self.name}")
 
 
 class Tabulated:
@@ -26,30 +38,61 @@ class Tabulated:
         self._columns = [*columns]
         self._left = frozenset(left)
         self._whole = frozenset(whole)
-        self.rows: list[tuple[Text | str, ...]] = []
+        self.rows: list[tuple[Text | str | ServoCell, ...]] = []
 
     def add_column(self, name: str, *, left: bool = False) -> None:
         """Add a column behind the others."""
         self._columns.append(name)
         self._left |= {name} if left else set()
 
-    def add_row(self, *cells: Text | str) -> None:
+    def add_row(self, *cells: Text | str | ServoCell) -> None:
         """Add a row, a cell for each column."""
         self.rows.append(cells)
 
+    def lacks_names(self, most: int | None, width: int) -> bool:
+        """Tell whether the first rows have no room for names of servos: no word would be whole."""
+        rows = self.rows[:most]
+        if not any(isinstance(cell, ServoCell) for row in rows for cell in row):
+            return False
+        cells = [*zip_longest(*rows, fillvalue=""), *([()] * len(self._columns))]
+        least = map(self._least, self._columns, cells)
+        return sum(least) + _apart(width) * len(self._columns) > width
+
+    def _least(self, name: str, cells: Sequence[Text | str | ServoCell]) -> int:
+        """Return how narrow a column may be."""
+        texts = [name, *(cell.plain if isinstance(cell, Text) else str(cell) for cell in cells)]
+        if name in self._left - self._whole:
+            texts = [word for text in texts for word in text.split()]
+        return max(map(len, texts))
+
     def table(self, most: int | None, width: int) -> Table:
-        """Return the first rows."""
-        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2 if width >= ROOMY else 1))
-        for column in self._columns:
-            if column in self._whole:
+        """Return the first rows; where these have no room for names of servos they have ids."""
+        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, _apart(width)))
+        bare = self.lacks_names(most, width)
+        named = {
+            k for row in self.rows[:most] for k, c in enumerate(row) if isinstance(c, ServoCell)
+        }
+        for k, column in enumerate(self._columns):
+            if column in self._whole or k in named:
                 out.add_column(column, no_wrap=True)
             elif column in self._left:
                 out.add_column(column, overflow="fold")
             else:
                 out.add_column(column, justify="right", no_wrap=True)
         for row in self.rows[:most]:
-            out.add_row(*row)
+            told = (c if not isinstance(c, ServoCell) else c.who if bare else str(c) for c in row)
+            out.add_row(*told)
         return out
+
+
+def _apart(width: int) -> int:
+    """Return how many blanks stand between columns."""
+    return 2 if width >= ROOMY else 1
+
+
+def called(known: Mapping[int, str]) -> str:
+    """Return what servos are called, for tables that have no room for their names."""
+    return "servos: " + ", ".join(glued(f"{servo} {known[servo]}") for servo in sorted(known))
 
 
 def percent(share: float) -> str:

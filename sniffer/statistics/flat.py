@@ -24,9 +24,9 @@ COLUMNS: Final = (
     "t_ns",
     "offset",
 )
-"""``about`` is bus, load, slice, command, servo, value, error, step, anomaly or alarm; ``name`` a
-command, a quantity, a code or a rule. An interval has ``low`` and ``high``, everything else a
-``value``."""
+"""``about`` is bus, load, slice, command, servo, value, error, step, unreached, first_motion,
+anomaly or alarm; ``name`` a command, a quantity, a code or a rule, or which of the goals that were
+not reached. An interval has ``low`` and ``high``, everything else a ``value``."""
 
 NAMED_COLUMNS: Final = (*COLUMNS, SERVO_NAME)
 """The same of a capture whose servos have names."""
@@ -41,6 +41,7 @@ _OF_SERVOS: Final[Mapping[str, tuple[str, str]]] = {
     "values": ("value", "quantity"),
     "following_error": ("error", ""),
     "steps": ("step", ""),
+    "first_motion": ("first_motion", ""),
 }
 
 _KEYS: Final = frozenset(
@@ -79,6 +80,9 @@ def rows(figures: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 for each in servo[key]:
                     keyed = _keyed(fixed, about, name, {**servo, **each})
                     yield from _told(keyed, each)
+                    for nth, goal in enumerate(each.get("unreached_goals", ()), 1):
+                        which = {"about": "unreached", "name": str(nth)}
+                        yield from _told({**keyed, **which}, goal)
 
 
 def _keyed(fixed: dict[str, Any], about: str, name: str, each: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,15 +106,16 @@ def _told(fixed: dict[str, Any], figures: Mapping[str, Any], of: str = "") -> It
         if isinstance(figure, dict):
             if {"value", "t_ns", "offset"} == figure.keys():
                 yield row | figure
-            elif {"value_ns", "t_ns"} == figure.keys():
+            elif {"value_ns", "t_ns"} <= figure.keys():
                 low, high = figure["value_ns"]
-                yield row | {"low": low, "high": high, "t_ns": figure["t_ns"]}
+                place = {k: figure[k] for k in ("t_ns", "offset") if k in figure}
+                yield row | {"low": low, "high": high, **place}
             elif name != "over_time":
                 yield from _told(fixed, figure, f"{of}{name}.")
         elif isinstance(figure, list):
             if len(figure) == 2 and name not in ("t_ns", "offsets") and _are_numbers(figure):
                 yield row | {"low": figure[0], "high": figure[1]}
-        elif not isinstance(figure, str) or name in ("clock", "severity"):
+        elif not isinstance(figure, str) or name in ("clock", "severity", "ended"):
             yield row | {"value": figure}
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.decoding.durations import Quantiles
 from sniffer.ground.register import unseen_scale
 from sniffer.statistics.figures import POSITION, Extreme
+from sniffer.statistics.lags import LONGEST_NS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -40,23 +41,63 @@ FATES: Final = ("settled", "overtaken", "unseen", "let_go", "under_way")
 any position was stated. Let go: a command ended it. Under way: the capture ended."""
 
 
+HELD_NS: Final = LONGEST_NS
+"""A goal that holds so long is one to be reached; of a trajectory nobody expects it of each."""
+
+LISTED: Final = 100
+"""Goals of one servo that were not reached, of which each is told; of all how many they are."""
+
+ENDS: Final = {"overtaken": "next_goal", "let_go": "let_go", "under_way": "capture_end"}
+"""What ended a goal that was not reached, by its fate."""
+
+
+class Unreached(NamedTuple):
+    """A goal that held for ``HELD_NS`` at least and was not settled at, as far as it was seen.
+
+    ``start`` is the position when it was given, ``left`` the last one under it; ``stands``: the
+    one before was the same. ``held_ns`` is until what ``ended`` it, at the end of a capture until
+    the last position.
+    """
+
+    goal: Extreme
+    start: float
+    left: Extreme
+    stands: bool
+    held_ns: int
+    ended: str
+
+
 @dataclass(slots=True)
 class StepFigures:
     """Steps of one servo in one unit.
 
     ``overshoot`` is in thousandths of a percent of the travel; ``worst`` in percent, where it was
-    seen.
+    seen. ``unreached`` are the first ``LISTED`` of all such goals.
     """
 
     fates: Counter[str] = field(default_factory=Counter)
     settle: Quantiles = field(default_factory=Quantiles)
     overshoot: Quantiles = field(default_factory=Quantiles)
     worst: Extreme | None = None
+    unreached: list[Unreached] = field(default_factory=list)
+    unreached_count: int = 0
 
     @property
     def steps(self) -> int:
         """How many there were."""
         return sum(self.fates.values())
+
+    def miss(self, goal: Unreached) -> None:
+        """Take a goal that was not reached."""
+        self.unreached_count += 1
+        if len(self.unreached) < LISTED:
+            self.unreached.append(goal)
+
+    def copy(self) -> StepFigures:
+        """Return the same figures, to which others can be added."""
+        quantiles = self.settle.copy(), self.overshoot.copy()
+        told = [*self.unreached], self.unreached_count
+        return StepFigures(Counter(self.fates), *quantiles, self.worst, *told)
 
 
 _NOWHERE: Final = Extreme(0.0, 0, 0)
@@ -66,7 +107,8 @@ _NOWHERE: Final = Extreme(0.0, 0, 0)
 class _Step:
     """A goal that is being sought: ``inside`` positions in the band since ``in_ns``.
 
-    ``out_ns`` is the last moment outside, ``beyond`` how far it went past the goal, and where.
+    ``out_ns`` is the last moment outside, ``beyond`` how far it went past the goal, and where;
+    ``left`` is the last position, ``moves`` how far it is from the one before.
     """
 
     goal: float
@@ -74,22 +116,38 @@ class _Step:
     band: float
     t_ns: int
     spread: int
+    at: int
     out_ns: int
     in_ns: int = 0
     inside: int = 0
     seen: int = 0
     beyond: Extreme = _NOWHERE
+    left: Extreme = _NOWHERE
+    moves: float = np.inf
+
+    def unreached(self, least: float, held_ns: int, fate: str) -> Unreached | None:
+        """Return what is told of it if it held long and was seen; ``least`` is no motion."""
+        if self.spread < 0 or held_ns < HELD_NS or not self.seen:
+            return None
+        goal = Extreme(self.goal, self.t_ns, self.at)
+        stands = self.moves <= least
+        return Unreached(goal, self.goal - self.travel, self.left, stands, held_ns, ENDS[fate])
+
+
+def counts_of(registers: Sequence[Register]) -> dict[str, float]:
+    """Return how much a count of a position is, by the unit."""
+    scales: dict[str, float] = {}
+    for r in registers:
+        if r.quantity == POSITION:
+            scales[r.unit] = max(abs(unseen_scale(r)), scales.get(r.unit, 0.0))
+    return scales
 
 
 class GoalSteps:
     """Follows the steps of all servos of one protocol."""
 
     def __init__(self, registers: Sequence[Register]) -> None:
-        scales: dict[str, float] = {}
-        for r in registers:
-            if r.quantity == POSITION:
-                scales[r.unit] = max(abs(unseen_scale(r)), scales.get(r.unit, 0.0))
-        self._count = scales
+        self._count = counts_of(registers)
         self._figures: dict[tuple[int, str], StepFigures] = {}
         self._open: dict[tuple[int, str], _Step] = {}
         self._last: dict[tuple[int, str], float] = {}
@@ -131,9 +189,11 @@ class GoalSteps:
         begins, goal = changes[:-1], course.goal[changes[:-1]]
         edges = np.searchsorted(rows, changes)
         position = course.position[rows]
-        before = np.where(edges[:-1] > 0, position[edges[:-1] - 1], last) if len(rows) else last
+        before: F64 = np.full(len(begins), last)
+        if len(rows):
+            before = np.where(edges[:-1] > 0, position[edges[:-1] - 1], last)
         travel = goal - before
-        least = RESOLUTION * self._count.get(key[1], 0.0)
+        least = self._least(key)
         real = np.flatnonzero((np.abs(travel) > 2 * least) & course.shown[begins])
         if not len(real):
             return
@@ -161,9 +221,24 @@ class GoalSteps:
         mine.fates["settled"] += int(settled.sum())
         mine.fates["let_go"] += int((let_go & ~settled).sum())
         mine.fates["overtaken"] += int((~let_go & ~settled).sum())
+        t_ns = course.t_ns
+        held = t_ns[changes[real + 1]] - t_ns[begins[real]]
+        for k in np.flatnonzero(~settled & (held >= HELD_NS)).tolist():
+            if course.spread[begins[real[k]]] >= 0:
+                row, at = rows[behind[k] - 1], begins[real[k]]
+                mine.miss(
+                    Unreached(
+                        Extreme(float(goal[real[k]]), int(t_ns[at]), int(course.at[at])),
+                        float(before[real[k]]),
+                        Extreme(float(course.position[row]), int(t_ns[row]), int(course.at[row])),
+                        bool(size[k] >= STEADY and _moves(position[first[k] : behind[k]]) <= least),
+                        int(held[k]),
+                        ENDS["let_go" if let_go[k] else "overtaken"],
+                    )
+                )
         if not settled.any():
             return
-        t_ns, spread = course.t_ns, np.maximum(course.spread, 0)
+        spread = np.maximum(course.spread, 0)
         began = begins[real[settled]]
         was = rows[np.maximum(out[settled], 0)]
         low = np.where(out[settled] >= 0, t_ns[was] - spread[was] - t_ns[began], 0)
@@ -183,29 +258,35 @@ class GoalSteps:
         goal, t_ns = float(course.goal[row]), int(course.t_ns[row])
         before = self._open.pop(key, None)
         if before is not None:
-            self._end(key, before, "let_go" if np.isnan(goal) else "overtaken")
+            self._end(key, before, "let_go" if np.isnan(goal) else "overtaken", t_ns)
         travel = goal - self._last.get(key, np.nan)
-        least = RESOLUTION * self._count.get(key[1], 0.0)
+        least = self._least(key)
         if course.shown[row] and abs(travel) > 2 * least:  # also false where either is not known
             band = max(BAND * abs(travel), least)
-            self._open[key] = _Step(goal, travel, band, t_ns, int(course.spread[row]), t_ns)
+            place = int(course.spread[row]), int(course.at[row])
+            self._open[key] = _Step(goal, travel, band, t_ns, *place, t_ns)
 
-    def _end(self, key: tuple[int, str], step: _Step, otherwise: str) -> None:
-        _count(self._figures.setdefault(key, StepFigures()), step, otherwise)
+    def _end(self, key: tuple[int, str], step: _Step, otherwise: str, t_ns: int) -> None:
+        mine = self._figures.setdefault(key, StepFigures())
+        _count(mine, step, otherwise, self._least(key), t_ns - step.t_ns)
+
+    def _least(self, key: tuple[int, str]) -> float:
+        """Return what cannot be told from noise, in the unit of a servo's positions."""
+        return RESOLUTION * self._count.get(key[1], 0.0)
 
     def figures(self) -> Mapping[tuple[int, str], StepFigures]:
         """Return the figures by servo and unit, those that are under way counted in."""
-        out = {
-            key: StepFigures(+mine.fates, mine.settle, mine.overshoot, mine.worst)
-            for key, mine in self._figures.items()
-        }
+        out = {key: replace(mine, fates=+mine.fates) for key, mine in self._figures.items()}
         for key, step in self._open.items():
-            mine = out.get(key, StepFigures())
-            out[key] = StepFigures(
-                Counter(mine.fates), mine.settle.copy(), mine.overshoot.copy(), mine.worst
-            )
-            _count(out[key], step, "under_way")
+            out[key] = out.get(key, StepFigures()).copy()
+            held_ns = step.left.t_ns - step.t_ns
+            _count(out[key], step, "under_way", self._least(key), held_ns)
         return out
+
+
+def _moves(position: F64) -> float:
+    """Return how far the last positions that show whether a joint stays are apart."""
+    return float(np.ptp(position[-STEADY:]))
 
 
 def _further(step: _Step, course: Course, rows: I64) -> _Step:
@@ -219,6 +300,9 @@ def _further(step: _Step, course: Course, rows: I64) -> _Step:
         end = Extreme(float(past[far]), int(t_ns[far]), int(course.at[rows[far]]))
         step = replace(step, beyond=end)
     outside = np.flatnonzero(np.abs(off) > step.band)
+    left = Extreme(float(position[-1]), int(t_ns[-1]), int(course.at[rows[-1]]))
+    near = np.append(step.left.value, position)[-STEADY:] if step.seen else position
+    step = replace(step, left=left, moves=_moves(near) if len(near) >= STEADY else np.inf)
     out_ns, in_ns, inside, first = step.out_ns, step.in_ns, step.inside, 0
     if len(outside):
         first = int(outside[-1]) + 1
@@ -231,10 +315,13 @@ def _further(step: _Step, course: Course, rows: I64) -> _Step:
     return replace(step, out_ns=out_ns, in_ns=in_ns, inside=inside, seen=step.seen + len(rows))
 
 
-def _count(mine: StepFigures, step: _Step, otherwise: str) -> None:
+def _count(mine: StepFigures, step: _Step, otherwise: str, least: float, held_ns: int) -> None:
     """Count a step that is over; ``otherwise`` says what became of it if it did not settle."""
     if step.inside < STEADY:
         mine.fates[otherwise if step.seen or otherwise != "overtaken" else "unseen"] += 1
+        missed = step.unreached(least, held_ns, otherwise)
+        if missed is not None:
+            mine.miss(missed)
         return
     mine.fates["settled"] += 1
     low = np.array([max(step.out_ns - step.t_ns, 0)])

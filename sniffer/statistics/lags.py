@@ -25,7 +25,9 @@ import numpy as np
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import F64, I64
+    from collections.abc import Callable
+
+    from sniffer.ground.model import F64, I64, Mask
     from sniffer.statistics.following import Course
 
 STEP_NS: Final = 4_000_000
@@ -83,68 +85,129 @@ class Lag:
         return whole_ms(self.low_ns, self.high_ns)
 
 
-class _Shifted:
-    """One servo's goals of the last ``LONGEST_NS``, and the squares of its errors by shift."""
+class _Past:
+    """One servo's goals of the last ``LONGEST_NS``."""
 
     def __init__(self) -> None:
-        self.t_ns: I64 = np.empty(0, np.int64)
-        self.goal: F64 = np.empty(0)
-        self.squares: I64 = np.zeros(len(SHIFTS), np.int64)
-        self.count = 0
-        self.doubt_ns = 0
-        """Uncertainties of the times of all positions, summed."""
-        self._met = 0
+        self._t_ns: I64 = np.empty(0, np.int64)
+        self._goal: F64 = np.empty(0)
 
-    def add(self, course: Course) -> None:
-        """Take more of its goals and positions."""
+    def weighed(self, course: Course, taken: Callable[[int], Mask]) -> tuple[I64, I64] | None:
+        """Take more of its goals and positions.
+
+        Return of each position of a moving goal the squares of its errors, by shift, and the
+        uncertainty of its time; None: there is none. ``taken`` says which of so many are weighed.
+        """
         changes = course.changes
-        times = np.concatenate([self.t_ns, course.t_ns[changes]])
+        times = np.concatenate([self._t_ns, course.t_ns[changes]])
         times = np.maximum.accumulate(times)
-        goals = np.concatenate([self.goal, course.goal[changes]])
+        goals = np.concatenate([self._goal, course.goal[changes]])
         rows = np.flatnonzero(course.measured & course.shown & (course.spread >= 0))
+        out = None
         if len(times) and len(rows):
-            self._weigh(times, goals, course, rows)
+            out = self._weigh(times, goals, course, rows, taken)
         if len(times):
             # the goal that held where the window begins is needed, too
             since = max(int(times[-1]), int(course.t_ns[-1])) - LONGEST_NS
             first = max(int(np.searchsorted(times, since, side="right")) - 1, 0)
-            self.t_ns, self.goal = times[first:], goals[first:]
+            self._t_ns, self._goal = times[first:], goals[first:]
+        return out
 
-    def _weigh(self, times: I64, goals: F64, course: Course, rows: I64) -> None:
+    def _weigh(
+        self, times: I64, goals: F64, course: Course, rows: I64, taken: Callable[[int], Mask]
+    ) -> tuple[I64, I64] | None:
         t_ns = course.t_ns[rows]
         oldest = np.searchsorted(times, t_ns - LONGEST_NS, side="right") - 1
         newest = np.searchsorted(times, t_ns, side="right") - 1
         unknown = np.concatenate([[0], np.cumsum(np.isnan(goals))])
         moving = (oldest >= 0) & (newest > oldest)
         moving &= unknown[newest + 1] == unknown[np.maximum(oldest, 0)]
-        rows, t_ns = rows[moving], t_ns[moving]
-        number = self._met + np.arange(len(rows))
-        self._met += len(rows)
-        taken = number % (1 << np.log2(np.maximum(number / MOST, 1)).astype(np.int64)) == 0
-        rows, t_ns = rows[taken], t_ns[taken]
+        rows = rows[moving]
+        rows = rows[taken(len(rows))]
         if not len(rows):
-            return
-        held = np.searchsorted(times, t_ns[:, None] - SHIFTS, side="right") - 1
+            return None
+        held = np.searchsorted(times, course.t_ns[rows][:, None] - SHIFTS, side="right") - 1
         error = np.clip(goals[held] - course.position[rows][:, None], -FARTHEST, FARTHEST)
-        self.squares += (np.rint(EACH * error).astype(np.int64) ** 2).sum(axis=0)
-        self.count += len(rows)
-        self.doubt_ns += int(course.spread[rows].sum())
+        return np.rint(EACH * error).astype(np.int64) ** 2, course.spread[rows]
+
+
+def _best(squares: I64, count: int) -> int | None:
+    """Return which shift leaves least of so many positions; None: no one does better."""
+    least = int(squares.min())
+    if count < ENOUGH or least > DEEP * int(squares.max()):
+        return None
+    best = int(np.flatnonzero(squares <= NEAR * least)[0])
+    while best + 1 < len(SHIFTS) and squares[best + 1] <= squares[best]:
+        best += 1
+    return None if best == len(SHIFTS) - 1 else best
+
+
+class _Shifted:
+    """The squares of one servo's errors by shift."""
+
+    def __init__(self) -> None:
+        self.squares: I64 = np.zeros(len(SHIFTS), np.int64)
+        self.count = 0
+        self.doubt_ns = 0
+        """Uncertainties of the times of all positions, summed."""
+        self._past = _Past()
+        self._met = 0
+
+    def add(self, course: Course) -> None:
+        """Take more of its goals and positions."""
+        weighed = self._past.weighed(course, self._taken)
+        if weighed is not None:
+            squares, spread = weighed
+            self.squares += squares.sum(axis=0)
+            self.count += len(spread)
+            self.doubt_ns += int(spread.sum())
+
+    def _taken(self, n: int) -> Mask:
+        number = self._met + np.arange(n)
+        self._met += n
+        taken: Mask = number % (1 << np.log2(np.maximum(number / MOST, 1)).astype(np.int64)) == 0
+        return taken
 
     def lag(self) -> Lag | None:
         """Return what the shifts tell."""
-        least = int(self.squares.min())
-        if self.count < ENOUGH or least > DEEP * int(self.squares.max()):
-            return None
-        best = int(np.flatnonzero(self.squares <= NEAR * least)[0])
-        while best + 1 < len(SHIFTS) and self.squares[best + 1] <= self.squares[best]:
-            best += 1
-        if best == len(SHIFTS) - 1:
+        best = _best(self.squares, self.count)
+        if best is None:
             return None
         # a shift is an average: one stamp that came late moves it by its share
         doubt = STEP_NS + self.doubt_ns // self.count
         left, whole = (float(np.sqrt(self.squares[k] / self.count) / EACH) for k in (best, 0))
         low, high = max(int(SHIFTS[best]) - doubt, 0), int(SHIFTS[best]) + doubt
         return Lag(low, high, self.count, left, whole)
+
+
+class LagSeries:
+    """The lags of one servo, one after the other: each of ``ENOUGH`` positions of a moving goal."""
+
+    def __init__(self) -> None:
+        self._past = _Past()
+        self._squares: I64 = np.empty((0, len(SHIFTS)), np.int64)
+        self._spread: I64 = np.empty(0, np.int64)
+
+    def add(self, course: Course) -> list[tuple[int, int]]:
+        """Take more of its goals and positions; return lags that are known by them.
+
+        Each is in ns, with what the stamps and the step leave open; where no shift does better than
+        others there is none.
+        """
+        weighed = self._past.weighed(course, lambda n: np.ones(n, bool))
+        if weighed is None:
+            return []
+        squares = np.concatenate([self._squares, weighed[0]])
+        spread = np.concatenate([self._spread, weighed[1]])
+        out = []
+        whole = len(squares) // ENOUGH * ENOUGH
+        for at in range(0, whole, ENOUGH):
+            best = _best(squares[at : at + ENOUGH].sum(axis=0), ENOUGH)
+            if best is not None:
+                doubt = STEP_NS + int(spread[at : at + ENOUGH].mean())
+                out.append((int(SHIFTS[best]), doubt))
+        self._squares, self._spread = squares[whole:], spread[whole:]
+        return out
 
 
 class Lags:

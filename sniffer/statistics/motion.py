@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.decoding.durations import Quantiles
 from sniffer.statistics.figures import Extreme
+from sniffer.statistics.firstmotion import FirstMotions
 from sniffer.statistics.following import Follower
 from sniffer.statistics.goalsteps import GoalSteps
 from sniffer.statistics.lags import Lags
@@ -41,6 +42,7 @@ class Motion:
     def __init__(self, protocol: BusProtocol) -> None:
         self._follower = Follower(protocol)
         self.steps = GoalSteps(protocol.registers)
+        self.starts = FirstMotions(protocol.registers)
         self.lags = Lags()
         self.errors: dict[tuple[int, str], ErrorFigures] = {}
         """By servo and unit."""
@@ -49,6 +51,7 @@ class Motion:
         """Take a batch, all of it; yield what it tells, servo by servo."""
         for course in self._follower.add(batch):
             self.steps.add(course)
+            self.starts.add(course)
             self.lags.add(course)
             self._measure(course)
             yield course

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from sniffer.statistics.cycles import Loop
     from sniffer.statistics.exceeding import ExceedingFigures
     from sniffer.statistics.figures import Extreme, ServoFigures
-    from sniffer.statistics.goalsteps import StepFigures
+    from sniffer.statistics.firstmotion import SlowestStart, StartFigures
+    from sniffer.statistics.goalsteps import StepFigures, Unreached
     from sniffer.statistics.lags import Lag
     from sniffer.statistics.motion import ErrorFigures
     from sniffer.statistics.sink import LaneNumbers, Statistics, WireBytes
@@ -186,7 +187,7 @@ def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:
 
 def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> dict[str, Any]:
     motion = lane.motion
-    steps = motion.steps.figures()
+    steps, starts = motion.steps.figures(), motion.starts.figures()
     return {
         "protocol": protocol,
         "servo_id": servo,
@@ -208,6 +209,7 @@ def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> 
             if who == servo
         ],
         "steps": [_steps(unit, s) for (who, unit), s in steps.items() if who == servo],
+        "first_motion": [_start(unit, s) for (who, unit), s in starts.items() if who == servo],
     }
 
 
@@ -245,7 +247,37 @@ def _steps(unit: str, s: StepFigures) -> dict[str, Any]:
         "settle_ns": quantiles(s.settle),
         "overshoot_percent": quantiles(s.overshoot, MILLI),
         "worst_overshoot": _extreme(s.worst),
+        "unreached": s.unreached_count,
+        "unreached_goals": [_unreached(goal) for goal in s.unreached],
     }
+
+
+def _unreached(goal: Unreached) -> dict[str, Any]:
+    return {
+        "goal": _extreme(goal.goal),
+        "start": round(goal.start, 9),
+        "left": _extreme(goal.left),
+        "stands": goal.stands,
+        "held_ns": goal.held_ns,
+        "ended": goal.ended,
+    }
+
+
+def _start(unit: str, s: StartFigures) -> dict[str, Any]:
+    return {
+        "unit": unit,
+        "told": s.told,
+        "moved": s.moved,
+        "recalled": s.recalled,
+        "ns": quantiles(s.times),
+        "slowest": _slowest_start(s.slowest),
+    }
+
+
+def _slowest_start(start: SlowestStart | None) -> dict[str, Any] | None:
+    if start is None:
+        return None
+    return {"value_ns": list(start.bounds), "t_ns": start.t_ns, "offset": start.offset}
 
 
 def _trouble(

@@ -41,7 +41,7 @@ def selection_in(text: str, names: ServoNames | None = None) -> Selection | None
     told: dict[str, Any] = {}
     for word in words:
         if word is None or word[1] not in WORDS:
-            return Selection.parse(text)
+            return Selection.parse(text).named(names or ServoNames())
         said = [name for name in word[2].split(",") if name]
         who = [_who(name, names or ServoNames()) for name in said] if word[1] == "servo" else said
         told.setdefault(WORDS[word[1]], []).extend(who)
