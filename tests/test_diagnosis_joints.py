@@ -50,7 +50,7 @@ def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
 
 
 def looked_at_once_a_move(protocol: str, place: Callable[[float, float], float]) -> Diagnosis:
-    """Return the diagnosis of two joints that are sent somewhere each four seconds, and looked at behind it.
+    """Return the diagnosis of two joints that are sent somewhere, and looked at behind each move.
 
     ``place`` is where the second one is, by where it was and where it is to be.
     """

@@ -219,10 +219,10 @@ class JointTrack:
     def _is_away_at_looks(self) -> Mask:
         """Whether a joint that is looked at seldom is far from all that it was told lately.
 
-        Who looks where a joint has got to once a move sees it stand there. Told for as long as a servo
-        takes to begin, it has not come nearer since the look before; one such look may be a slow
-        servo on its way, several are none. Or it comes, and whatever its goals beyond that are, to one
-        place.
+        Who looks where a joint has got to once a move sees it stand there. Told for as long as a
+        servo takes to begin, it has not come nearer since the look before; one such look may be a
+        slow servo on its way, several are none. Or it comes, and whatever its goals beyond that
+        are, to one place.
         """
         p = self.position
         none = np.zeros(len(p), bool)
