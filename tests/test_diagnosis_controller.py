@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.ground.model import Direction
 from tests.conversations import (
     BAUD,
     MS,
@@ -181,6 +182,27 @@ def test_a_controller_that_asks_one_servo_only_repeats_itself_without_a_storm() 
             talk.ask_in_vain(1, 20)
         talk.rest(10)
     assert "retry-storm" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("heard", ["both ways", "one way"])
+def test_who_asks_a_joint_until_it_has_arrived_does_not_storm_when_answers_are_missing(
+    protocol: str, heard: str
+) -> None:
+    talk = Conversation(protocol)
+    for move in range(24):
+        servo = 1 + move % 2
+        place = 0.3 + (move % 5) / 10
+        talk.send(servo, place)
+        for look in range(14):
+            if move % 6 == 3 and 4 <= look < 10:
+                talk.ask_in_vain(servo, 30)
+            else:
+                talk.read(servo, place)
+                talk.rest(30)
+    one_way = [c for c in talk.chunks if c.direction == Direction.TX]
+    told = codes(talk.diagnosed(one_way if heard == "one way" else None))
+    assert "retry-storm" not in told
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

@@ -49,6 +49,39 @@ def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
     assert verdicts(d.incidents()) == [("stall", (5,))]
 
 
+def looked_at_once_a_move(protocol: str, place: Callable[[float, float], float]) -> Diagnosis:
+    """Return the diagnosis of two joints that are sent somewhere, and looked at behind each move.
+
+    ``place`` is where the second one is, by where it was and where it is to be.
+    """
+    talk = Conversation(protocol)
+    at = 0.5
+    for move, goal in enumerate((0.3, 0.7, 0.45, 0.8, 0.25, 0.75, 0.4, 0.65, 0.35, 0.6) * 2):
+        talk.until(4 * move)
+        for step in range(1, 11):
+            for servo in (1, 2):
+                talk.send(servo, goal)
+            talk.rest(10 * step)
+        at = place(at, goal)
+        talk.until(4 * move + 2.5)
+        talk.read(1, goal)
+        talk.read(2, at)
+    return talk.diagnosed()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_joint_that_hangs_is_seen_by_who_looks_once_a_move(protocol: str) -> None:
+    sags = looked_at_once_a_move(protocol, lambda at, goal: at - 0.02)
+    stops = looked_at_once_a_move(protocol, lambda at, goal: min(goal, 0.55))
+    for joint in (sags, stops):
+        assert [i.servo_ids for i in joint.incidents()] == [(2,)]
+        assert "joint-not-following" in codes(joint)
+    # half of each way is done when it is looked at: a servo that takes its time
+    slow = looked_at_once_a_move(protocol, lambda at, goal: (at + goal) / 2)
+    assert not slow.incidents()
+    assert not looked_at_once_a_move(protocol, lambda at, goal: goal).incidents()
+
+
 def loaded(load: Callable[[float], float]) -> Diagnosis:
     """Return the diagnosis of a wCK joint that stands, under goals that swing, with a raw load."""
     talk = Conversation("wck")

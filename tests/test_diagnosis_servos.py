@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.simulation.buses import BUSES, simulate
+from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
 from tests.servos import BEGAN_NS, finding, suffering
+from tests.streams import mightyzap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sniffer.diagnosis import Diagnosis
 
 WITHIN = {"mightyzap": 1, "lss": 2, "wck": 1, "rs30x": 1}
 
@@ -131,3 +140,63 @@ def test_the_story_of_a_blocked_joint_goes_from_its_push_to_letting_go_each_told
     assert len(set(told)) == len(told)
     pushed = next(f for f in incident.findings if f.code == "joint-stalled")
     assert "load 100%" in pushed.what
+
+
+def with_factory_id(
+    path: Callable[[int, float], float], *, dies: float = 9.0, under: int = 0, twice: bool = False
+) -> Diagnosis:
+    """Return the diagnosis of servos 0 and 1 and of a broadcast each cycle.
+
+    ``path`` is where they are, ``dies`` is when 0 falls silent, ``under`` the id under which it
+    answers; ``twice``: two of that id do, some bits apart.
+    """
+    talk = Conversation("mightyzap")
+    both = mightyzap.packet(0xFE, 0x73, bytes((0x82, 1, 0, 4, 1, 4)))
+    for cycle in range(320):
+        talk.until(cycle / 40)
+        talk.write(both)
+        for servo in (0, 1):
+            talk.send(servo, swinging(servo, talk.now_s))
+            if servo == 0 and talk.now_s > dies:
+                talk.ask_in_vain(0, 5)
+                continue
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            data = round(path(servo, talk.now_s) * 4095).to_bytes(2, "little")
+            talk.say(mightyzap.packet(servo or under, 0, data))
+            if servo == 0 and twice:
+                talk.say(mightyzap.packet(0, 0, (700).to_bytes(2, "little")))
+            talk.rest(0.4)
+    return talk.diagnosed()
+
+
+def test_a_servo_with_the_id_of_the_factory_that_reaches_all_is_a_servo_like_others() -> None:
+    sound = with_factory_id(swinging)
+    assert not sound.incidents()
+    assert [case.servos for case in sound.cases()] == [(0, 1)]
+    dead = with_factory_id(swinging, dies=4.0)
+    assert verdicts(dead.incidents()) == [("servo-dead", (0,))]
+    stands = with_factory_id(lambda servo, s: swinging(servo, s) if servo else 0.5)
+    assert [i.servo_ids for i in stands.incidents()] == [(0,)]
+    assert "joint-not-following" in codes(stands)
+    swapped = with_factory_id(swinging, twice=True)
+    assert ("duplicate-id", (0,)) in verdicts(swapped.incidents())
+
+
+def test_an_id_that_reaches_all_and_that_nobody_answers_under_is_no_servo() -> None:
+    alone = with_factory_id(swinging, under=7)
+    assert [case.servos for case in alone.cases()] == [(1, 7)]
+    assert not alone.incidents()
+
+
+def test_answers_to_writes_of_which_most_are_torn_are_not_said_unasked() -> None:
+    whole = mightyzap.packet(2, 0)
+
+    def writes(talk: Conversation, cycle: int) -> None:
+        talk.say(talk.tongue.goal(2, swinging(2, talk.now_s)))
+        talk.rest(0.3)
+        talk.say(whole if cycle % 6 == 0 else bytes((whole[0] & 0xFE, *whole[1:5], 0x20)))
+        talk.rest(0.4)
+
+    talk = robot("mightyzap", servos=(1, 2), goals=False, behind=writes)
+    assert "speaks-unasked" not in codes(talk.diagnosed())

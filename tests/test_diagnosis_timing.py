@@ -96,6 +96,19 @@ def test_a_program_that_rests_before_each_move_does_not_stall() -> None:
     assert not talk.diagnosed().incidents()
 
 
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_program_that_rests_behind_each_look_at_its_servos_does_not_stall(protocol: str) -> None:
+    talk = Conversation(protocol)
+    for scene in range(7):
+        for step in range(40):
+            talk.send(1, (scene + step / 40) / 10)
+            talk.rest(25)
+        for servo in (1, 2, 3):
+            talk.read(servo, scene / 10)
+        talk.rest(1100)
+    assert "loop-stalls" not in codes(talk.diagnosed())
+
+
 def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
     talk = stalling("mightyzap")
     late = [

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.damage import AT_TURN, IN_REPLY
 from sniffer.diagnosis.model import Place
 from sniffer.diagnosis.refusals import OPS
 
@@ -45,8 +46,8 @@ def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
         rows &= case.traffic["t_first"] <= last
         meanwhile = int(case.traffic["requests"][rows].sum())
         said = meanwhile * int(alike.sum()) / max(int(own.sum()), 1)
-        if n > SELDOM * said:
-            continue
+        if n + _torn(case, servo, first, last) > SELDOM * said:
+            continue  # who is heard behind most of them answers them, whole or not
         place = Place(at, length, first, "an answer to a command that it does not answer")
         before = out.get(servo, Volunteered(0, first, last, ()))
         out[servo] = Volunteered(
@@ -56,3 +57,11 @@ def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
             (*before.places, place),
         )
     return out
+
+
+def _torn(case: Case, servo: int, first_ns: int, last_ns: int) -> int:
+    """Return how often torn bytes stood where a servo may have answered, in a stretch of time."""
+    d = case.damage
+    rows = (d["servo_id"] == servo) & np.isin(d["turn"], (IN_REPLY, AT_TURN))
+    rows &= (d["t_last"] >= first_ns) & (d["t_first"] <= last_ns)
+    return int(d["n"][rows].sum())

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Table = dict[str, "I64"]
 T = TypeVar("T")
 
+ITS_NAME: Final = 3
+"""Answers that come in the name of a servo: one or two may be torn ones that hold by chance."""
+
 QUIET_NS: Final = 2 * NS
 """Moments closer than that are one episode."""
 
@@ -180,7 +183,7 @@ class Case:
     def order_times(self, servo_id: int, *kinds: int) -> I64:
         """Return when a servo was last given such commands, a moment a bucket and kind."""
         o = self.orders
-        to_it = np.isin(o["servo_id"], [servo_id, *self.protocol.everyone])
+        to_it = np.isin(o["servo_id"], [servo_id, *self.everyone])
         return np.sort(o["t_last"][to_it & np.isin(o["kind"], kinds)])
 
     @functools.cached_property
@@ -223,8 +226,15 @@ class Case:
     def servos(self) -> tuple[int, ...]:
         """Single servos that were asked or heard, in order."""
         met = np.unique(self.traffic["servo_id"])
-        everyone = set(self.protocol.everyone)
-        return tuple(i for i in met.tolist() if i >= 0 and i not in everyone)
+        return tuple(i for i in met.tolist() if i >= 0 and i not in self.everyone)
+
+    @functools.cached_property
+    def everyone(self) -> tuple[int, ...]:
+        """Ids that address all servos here: one that answers come in the name of is a servo's.
+
+        A mightyZAP leaves the factory with id 0, by which others are reached, too.
+        """
+        return tuple(i for i, n in self.ledger.own_names.items() if n < ITS_NAME)
 
     @functools.cached_property
     def answering(self) -> tuple[int, ...]:

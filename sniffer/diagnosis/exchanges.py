@@ -104,6 +104,7 @@ class Run(NamedTuple):
     length: int
     servo_id: int
     again: int
+    kind: int
 
 
 class Exchanges:
@@ -315,7 +316,7 @@ class Exchanges:
             if self._run is None:
                 row = np.array([a])
                 at, length, servo = (int(c(row)[0]) for c in (r.places, r.lengths, r.servos))
-                self._run = Run(int(r.t_start[a]), until, at, length, servo, b - a)
+                self._run = Run(int(r.t_start[a]), until, at, length, servo, b - a, int(r.kind[a]))
             else:
                 self._run = self._run._replace(again=self._run.again + b - a, until_ns=until)
             if b < len(again):

@@ -39,6 +39,7 @@ from sniffer.ground.codes import (
     NOT_EXPECTED,
     OK,
     REQUEST,
+    RESPONSE,
     WHOLE,
 )
 from sniffer.ground.gaps import Gaps
@@ -77,6 +78,8 @@ class Ledger:
         """Whether frames came in on wires that are told apart."""
         self.traffic = TimedBuckets(TRAFFIC)
         """By bucket and servo: frames."""
+        self.own_names = dict.fromkeys(protocol.everyone, 0)
+        """How many answers came in the name of each id that addresses all."""
         self.answers = TimedBuckets(ANSWERS)
         """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart, and
         the longest as it was stamped (``told_max``)."""
@@ -176,6 +179,9 @@ class Ledger:
         f = batch.frames
         asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
         start = f.start + batch.base
+        for who in self.own_names:
+            own = (f.servo_id == who) & (f.kind == RESPONSE)
+            self.own_names[who] += int(np.count_nonzero(own))
         self.traffic.add(
             f.t_end,
             f.servo_id,

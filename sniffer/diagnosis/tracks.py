@@ -28,6 +28,17 @@ WINDOW_NS: Final = NS
 
 LOOKS: Final = 4
 
+SELDOM: Final = 3
+"""A joint that is looked at so many times less often is seen where it rests, not on its way."""
+
+SEEN: Final = 2
+"""So many looks must see it away: one may be of a servo that takes its time."""
+
+STOPS: Final = 3
+STOPPED: Final = 0.8
+"""So many looks, and such a part of those that see it away on one side, see it at one place: slow
+servos on their way are met anywhere, at a fortieth of their way one of forty times."""
+
 AGE_NS: Final = 30 * NS
 """A goal that was stated longer ago is not counted on: what it is to do since nobody knows."""
 
@@ -202,7 +213,44 @@ class JointTrack:
         since = np.maximum(np.searchsorted(p.t, p.t - self._long_ns) - 1, 0)
         low, high = _extremes(p, since, np.arange(len(p)) + 1)
         away |= (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
-        return away & (looks >= LOOKS - 1)
+        return (away & (looks >= LOOKS - 1)) | self._is_away_at_looks
+
+    @functools.cached_property
+    def _is_away_at_looks(self) -> Mask:
+        """Whether a joint that is looked at seldom is far from all that it was told lately.
+
+        Who looks where a joint has got to once a move sees it stand there. Told for as long as a
+        servo takes to begin, it has not come nearer since the look before; one such look may be a
+        slow servo on its way, several are none. Or it comes, and whatever its goals beyond that
+        are, to one place.
+        """
+        p = self.position
+        none = np.zeros(len(p), bool)
+        if self._window_ns <= SELDOM * WINDOW_NS or len(p) < 2:
+            return none
+        low, high = in_force(self.goal, p.t - LAG_NS, p.t_first)
+        error = np.maximum(np.maximum(low - p.last, p.last - high), 0.0)
+        then = np.roll(p.last, 1)
+        error_then = np.maximum(np.maximum(low - then, then - high), 0.0)
+        far: Mask = error > self.far
+        away: Mask = far & (error_then - error <= self.far / 8)
+        away[0] = False
+        seen = away if np.count_nonzero(away) >= SEEN else none
+        return (
+            seen | self._stops(far & (low > p.last), high) | self._stops(far & (high < p.last), low)
+        )
+
+    def _stops(self, far: Mask, goal: F64) -> Mask:
+        """Tell which looks see it away on one side, all at one place, though its goals differ."""
+        rows = np.flatnonzero(far)
+        out = np.zeros(len(far), bool)
+        if len(rows) < STOPS:
+            return out
+        place = self.position.last[rows]
+        there = rows[np.abs(place - np.median(place)) < self.far / 8]
+        if len(there) >= max(STOPS, STOPPED * len(rows)) and np.ptp(goal[there]) > self.far:
+            out[there] = True
+        return out
 
     @functools.cached_property
     def _obeys(self) -> Mask:

@@ -172,7 +172,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         joint = track(case, servo)
         if len(runs) < 2 or joint is None:
             continue
-        to_it = np.isin(w["servo_id"], [servo, *case.protocol.everyone])
+        to_it = np.isin(w["servo_id"], [servo, *case.everyone])
         writes = int(w["n"][to_it & np.isin(w["register"], torque)].sum())
         mine = case.registers_of(servo, "torque_enable")
         back = runs[0].back_ns or 0

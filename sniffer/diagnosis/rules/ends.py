@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
 from sniffer.diagnosis.rules.bits import bits_finding
+from sniffer.diagnosis.signs import beginnings
 from sniffer.diagnosis.twins import torn_by_twins
 from sniffer.ground.model import NEVER_NS
 
@@ -27,6 +29,7 @@ FINDINGS: Final = (
         "line",
         "It is the first byte of answers that is torn or missing.",
         "At least three torn answers, three quarters of them with nothing wrong but the first byte or two; "
+        "not what begins with the first byte of requests, which is another one; "
         "it counts as much as chance seldom does so.",
         is_manner=True,
     ),
@@ -117,12 +120,24 @@ def torn_in_front(case: Case) -> list[Misread]:
     """Return the torn answers of which the first byte is missing or wrong, and the second at most."""
     answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
     late = _late(case, answers)
+    other = _begin_of_requests(case)
     return [
         m
         for m in answers
         if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
+        and m.damage.got[:1] != other  # a request that somebody speaks into
         if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
     ]
+
+
+def _begin_of_requests(case: Case) -> bytes | None:
+    """Return the byte with which all requests begin, where answers have headers of another one."""
+    requests = case.ledger.exchanges.kinds.requests
+    answers = [a for some in case.ledger.damages.likes.known.values() for a in some]
+    if case.protocol.ordered or not header_of(requests) or not header_of(answers):
+        return None
+    begin = requests[0][:1]
+    return begin if begin != answers[0][:1] else None
 
 
 def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
@@ -132,12 +147,20 @@ def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
     in the latest sound one.
     """
     latest = {servo: delay.latest_ns for servo, delay in delays(case).items()}
-    least = PROMPT * case.ledger.byte_ns
+    least, begins = PROMPT * case.ledger.byte_ns, beginnings(case)
     return {
         m.damage.at
         for m in answers
-        if m.shape != BITS_FEW and m.damage.since_ns > latest.get(m.servo_id, NEVER_NS) + least
+        if m.shape != BITS_FEW
+        and m.damage.since_ns > latest.get(m.servo_id, NEVER_NS) + least
+        # when it began is reckoned by its bytes, of which a second sender may have taken some
+        and not _has_front(m.damage.got, begins.get(m.servo_id, b""))
     }
+
+
+def _has_front(got: bytes, begin: bytes) -> bool:
+    """Tell whether bytes begin as answers do, rather than as answers without their first byte."""
+    return alike(got, begin) > alike(got, begin[1:])
 
 
 def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:

@@ -72,7 +72,7 @@ OFTEN: Final = 3
 def single(case: Case, servo: int) -> int | None:
     """Return a servo, None where all or several are meant."""
     known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
-    return servo if known and servo not in case.protocol.everyone else None
+    return servo if known and servo not in case.everyone else None
 
 
 def may_be_torn(case: Case, count: int) -> bool:

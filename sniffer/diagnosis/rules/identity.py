@@ -63,7 +63,7 @@ def old_rates(case: Case) -> Iterator[Finding]:
     told = case.anomalies("baud-changed")
     for k, servo in enumerate(told.servo_id.tolist()):
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
-        to_all = servo in case.protocol.everyone
+        to_all = servo in case.everyone
         for one in case.answering if to_all else (servo,):
             spells = [s for s in case.ledger.silences.of(one) if s.back_ns is None]
             silent = [s for s in spells if s.first_ns >= t - NS and s.missed >= LEAST]

@@ -29,7 +29,7 @@ FINDINGS: Final = (
         "joint-stalled",
         "device",
         "A joint is far from its goal, does not come nearer, and its motor pushes.",
-        "For a second or longer: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error.",
+        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error.",
     ),
     FindingCode(
         "joint-limp",

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.kinds import KINDS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import late_answers
@@ -47,7 +48,8 @@ FINDINGS: Final = (
         "controller",
         "A request that is not answered is said many times in a row, and the others wait.",
         "Runs of the same request, byte for byte, without an answer between, of five and more, on a "
-        "bus whose controller else asks in turn; and the share of the time that they take.",
+        "bus whose controller else asks in turn, and goes on to another request where that one is "
+        "answered; and the share of the time that they take. Not where no answer at all is heard.",
     ),
     FindingCode(
         "absent-costs",
@@ -254,7 +256,11 @@ def retry_storms(case: Case) -> Iterator[Finding]:
     """Requests said again and again."""
     exchanges = case.ledger.exchanges
     storms = [run for run in exchanges.all_runs if run.again >= STORM]
-    if not storms or case.count("adapter-echo"):
+    if not storms or case.count("adapter-echo") or not case.answering:
+        return  # where nobody is heard, nobody knows what was answered
+    repeated = _repeated(case)
+    storms = [run for run in storms if run.kind not in repeated]
+    if not storms:
         return
     kinds = exchanges.kinds
     busiest = int(kinds.n.max(initial=0))
@@ -288,6 +294,18 @@ def retry_storms(case: Case) -> Iterator[Finding]:
         brief=f"one request {longest.again + 1} times in a row",
         values=(("share", share), ("retries", total)),
     )
+
+
+def _repeated(case: Case) -> set[int]:
+    """Return the kinds of requests that are mostly made again although they are answered.
+
+    Who asks a joint whether it moves still, asks that again until it does not: those are no retries.
+    """
+    f = case.ledger.exchanges.followers()
+    all_n, same = np.zeros((2, KINDS + 1), np.int64)
+    np.add.at(all_n, f["kind"], f["n"])
+    np.add.at(same, f["kind"], f["n"] * (f["kind"] == f["next"]))
+    return set(np.flatnonzero((2 * same >= all_n) & (all_n >= KNOWN)).tolist())
 
 
 def absent_costs(case: Case) -> Iterator[Finding]:

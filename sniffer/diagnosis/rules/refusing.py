@@ -124,7 +124,7 @@ def torque_refused(case: Case) -> Iterator[Finding]:
     is_torque = np.array([r.quantity == "torque_enable" for r in registers], bool)
     for row in np.flatnonzero((w["refused"] > 0) & is_torque[w["register"]]).tolist():
         servo, n, refused = (int(w[k][row]) for k in ("servo_id", "n", "refused"))
-        if servo in case.protocol.everyone or refused < n:
+        if servo in case.everyone or refused < n:
             continue
         first, last = int(w["t_first"][row]), int(w["t_last"][row])
         name = registers[int(w["register"][row])].name

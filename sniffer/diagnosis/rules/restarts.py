@@ -242,7 +242,7 @@ def never_on(case: Case) -> Iterator[Finding]:
         registers = case.registers_of(servo, "torque_enable")
         if not registers or registers[0].default != 0 or any(r.on_with for r in registers):
             continue
-        mine = is_on & np.isin(w["servo_id"], [servo, *case.protocol.everyone])
+        mine = is_on & np.isin(w["servo_id"], [servo, *case.everyone])
         if _went(one) or not one.away or mine.any() or (others and not is_on.any()):
             continue
         first, last = one.away[0], one.away[-1]

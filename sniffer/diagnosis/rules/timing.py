@@ -40,7 +40,8 @@ FINDINGS: Final = (
         "The controller's loop stops for several cycles, and goes on.",
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
-        "the stamps leave open, with no missing answer or damage in them, and not in every cycle for a while.",
+        "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
+        "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
     ),
     FindingCode(
         "loop-jitters",
@@ -90,6 +91,11 @@ STALL_NS: Final = 10 * MS
 
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
+
+ITS_STEP: Final = 0.5
+ITS_STEP_TIMES: Final = 3
+"""So many requests of one kind, and such a share of them, with a rest behind: there a program has done
+what it had to do. What stops a loop takes no heed of where the program is."""
 
 AROUND_NS: Final = 4 * NS
 MOSTLY: Final = 0.7
@@ -226,10 +232,12 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     damaged = _damaged_at(case)
     kinds = case.ledger.exchanges.kinds
     before = np.bincount([p.next_kind for p in stalls], minlength=len(kinds))
+    behind = np.bincount([p.kind for p in stalls], minlength=len(kinds))
     stalls = [
         p
         for p in stalls
         if before[p.next_kind] <= OFTEN * kinds.n[p.next_kind]
+        and behind[p.kind] < max(ITS_STEP * kinds.n[p.kind], ITS_STEP_TIMES)
         and p.sure_ns >= LONGER * _usual_before(case, p.next_kind)
         and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
