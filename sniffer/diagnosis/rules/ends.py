@@ -125,6 +125,13 @@ def torn_in_front(case: Case) -> list[Misread]:
     ]
 
 
+def may_be_cut(m: Misread) -> bool:
+    """Tell whether it may be the last byte alone that is torn: it is, or nobody knows which one."""
+    if m.shape == BITS_FEW:
+        return not m.bytes_hit or max(m.bytes_hit) == m.damage.length - 1
+    return _cut(m)
+
+
 def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
     """Return the places of torn answers that begin later than any sound one: they lack a byte.
 
