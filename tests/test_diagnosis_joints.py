@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, polled
 from tests.streams import rs30x, wck
@@ -292,3 +292,23 @@ def test_the_one_joint_that_is_left_out_when_the_others_are_switched_on_is_named
 def test_a_joint_that_stands_beside_others_that_move_may_have_been_switched_on_before() -> None:
     assert "torque-never-on" not in codes(switched_on((), (2,)))
     assert "torque-never-on" not in codes(switched_on((1, 2, 3), (2,)))
+
+
+@pytest.mark.parametrize(("left_behind", "stalls"), [(b"", True), (b"\x41", False)])
+def test_a_bare_answer_that_took_a_stray_for_its_first_byte_tells_no_load(
+    left_behind: bytes, *, stalls: bool
+) -> None:
+    """What it says its load is was the stray, its place the load, and the last byte is nobody's."""
+    talk = Conversation("wck")
+    for cycle in range(280):
+        talk.until(cycle / 40)
+        for servo in (1, 2, 3):
+            place = swinging(servo, talk.now_s)
+            talk.say(talk.tongue.goal(servo, place))
+            talk.rest(0.3)
+            shifted = servo == 2 and 100 <= cycle < 240
+            talk.say(
+                bytes((0xF0, 3)) + left_behind if shifted else talk.tongue.answer(servo, place)
+            )
+            talk.rest(0.4)
+    assert ("joint-stalled" in codes(talk.diagnosed())) == stalls

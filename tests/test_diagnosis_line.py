@@ -275,6 +275,7 @@ TOLD: Final = (
     ("answers-always-torn", "fast clock", "contact"),
     ("requests-run-together", "two masters", "late edges"),
     ("requests-spoken-into", "two masters", "noise"),
+    ("torn-when-none-due", "two masters", "held driver"),
     ("streams-apart", "two loops", "contact"),
     ("interleaved-requests", "two masters", "contact"),
     ("unrelated-periods", "two loops", "contact"),
@@ -306,6 +307,11 @@ def test_a_fault_shows(code: str, fault: str, _: str) -> None:
 @pytest.mark.parametrize(("code", "_", "other"), TOLD)
 def test_another_fault_does_not_look_like_it(code: str, _: str, other: str) -> None:
     assert code not in of(other)
+
+
+def test_requests_whose_last_bytes_a_driver_cuts_are_not_spoken_into_when_none_is_due() -> None:
+    assert "last-byte-torn" in of("early release")
+    assert "torn-when-none-due" not in of("early release")
 
 
 def test_answers_that_lie_over_each_other_begin_as_requests_do_and_are_none() -> None:

@@ -66,6 +66,19 @@ def test_the_same_bytes_time_and_again_are_no_two_requests_at_once() -> None:
     assert one.causes[0].cause == "malformed-command"
 
 
+@pytest.mark.parametrize(
+    ("way", "cause"),
+    [("request-swallowed", "impatient-controller"), ("first-byte-torn", "turnaround")],
+)
+def test_requests_that_are_torn_when_no_answer_is_due_are_neither_haste_nor_a_driver(
+    way: str, cause: str
+) -> None:
+    torn = [told(code) for code in (way, "requests-spoken-into", "damage-everywhere", "noise")]
+    assert explain(torn)[0].causes[0].cause == cause
+    torn.append(told("torn-when-none-due"))
+    assert explain(torn)[0].causes[0].cause == "two-masters"
+
+
 def test_bare_answers_without_requests_are_torn_by_their_looks_alone() -> None:
     heard = [told(code) for code in ("nobody-asks", "noise", "damage-everywhere")]
     assert [e.causes[0].cause for e in explain(heard)] == ["tap-one-way"]

@@ -28,6 +28,9 @@ IN_REQUEST, IN_REPLY, AT_TURN, IN_IDLE, HELD, REST = range(6)
 """Whose turn it was: a request torn; an answer torn; stray bytes right before or behind a sound
 answer; stray bytes elsewhere; one value over and over; more pieces of a torn answer."""
 
+STRAYS: Final = (AT_TURN, IN_IDLE)
+"""Where stray bytes stand: the last one of a bare answer that took one for its first does, too."""
+
 TURNS: Final = ("requests", "replies", "turns", "idle", "held", "rest")
 
 KEPT: Final = 2000

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE, IN_REPLY, IN_REQUEST, REST
+from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
 from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.stamps import grid_ns
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.likes import RequestBefore
-
-STRAYS: Final = (AT_TURN, IN_IDLE)
 
 LATEST_NS: Final = 20_000_000
 """What begins later behind a request is no answer to it, whosever."""

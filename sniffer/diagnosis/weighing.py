@@ -115,20 +115,20 @@ def _best(left: Sequence[Finding], all_found: Sequence[Finding]) -> Weighed | No
 def _is_of_something(w: Weighed) -> bool:
     """Tell whether what a cause explains is more than the manner in which something came.
 
-    Of what it came is told by other findings of the same servo; what a cause has beside the point
-    tells of nothing.
+    Where it is known by that alone, other findings must tell of what came so, of the same servo;
+    those that a cause has beside the point tell of nothing.
     """
     weights = WEIGHTS[w.cause.slug]
-    manners = [f.servo_id for f in w.explained if _declared(f.code).is_manner]
-    others = [
-        f.servo_id
-        for f in w.explained
-        if not _declared(f.code).is_manner
-        and (f.code not in FINDINGS or weights[f.code].is_key or weights[f.code].weight > SIDE)
-    ]
+    manners = [f for f in w.explained if _declared(f.code).is_manner]
+    others = [f for f in w.explained if not _declared(f.code).is_manner]
+    if any(weights[f.code].is_key for f in others):
+        return True
+    tell = [f for f in others if f.code not in FINDINGS or weights[f.code].weight > SIDE]
     return any(
-        other is None or servo is None or servo == other for other in others for servo in manners
-    ) or (bool(others) and not manners)
+        other.servo_id is None or one.servo_id in (None, other.servo_id)
+        for other in tell
+        for one in manners
+    )
 
 
 def weigh(left: Sequence[Finding], all_found: Sequence[Finding]) -> list[Weighed]:

@@ -12,8 +12,10 @@ from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.ends import may_be_cut
 from sniffer.diagnosis.signs import beginnings, signed
 from sniffer.diagnosis.twins import of_twins
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -38,6 +40,12 @@ FINDINGS: Final = (
         "Torn requests that begin as one of this bus, and are as long as none that begins so, nor one of them but for two bytes: far more of them than pulses leave, which alter a byte or lose one.",
     ),
     FindingCode(
+        "torn-when-none-due",
+        "line",
+        "Requests are torn right behind answers, when no answer is due.",
+        "Three of them and more, one in ten of all torn requests and answers, of which more than the last byte is torn, and no second answer of one id does it.",
+    ),
+    FindingCode(
         "streams-apart",
         "line",
         "Requests come in two rhythms that know nothing of each other.",
@@ -55,6 +63,9 @@ ENOUGH: Final = 3
 LEAST_SURE: Final = 0.03
 CHANCE: Final = 1e-4
 """Places that are no accident, and how likely they are by pulses where they count at all, and in full."""
+
+UNOWED: Final = 0.1
+"""Part of the torn frames that must be requests behind an answer."""
 
 HEAD: Final = 3
 """Bytes behind a common beginning, or with it, that tell which frame has begun."""
@@ -205,6 +216,29 @@ def spoken_into(case: Case) -> Iterator[Finding]:
     )
 
 
+def when_none_due(case: Case) -> Iterator[Finding]:
+    """Find requests that are torn when nobody owes an answer.
+
+    Who does not wait tears none of these; a driver that lets go too early, their last bytes only.
+    """
+    unowed = [
+        m.damage
+        for m in case.misreads
+        if m.damage.turn == IN_REQUEST and m.damage.behind == RESPONSE
+        if not may_be_cut(m) and not of_twins(case, m.damage)
+    ]
+    if len(unowed) >= max(ENOUGH, UNOWED * len(case.misreads)):
+        yield finding_of(
+            unowed,
+            "torn-when-none-due",
+            None,
+            f"{len(unowed)} of {len(case.misreads)} torn frames are requests right behind an answer: "
+            "none was due",
+            "a request torn when no answer is due",
+            strength=min(0.4 + len(unowed) / (2 * PLENTY), 1.0),
+        )
+
+
 def _is_one(got: bytes, begun: Sequence[bytes], known: Sequence[bytes]) -> bool:
     """Tell whether bytes are a request but for a few, or but for one that is lost or more."""
     if any(abs(len(q) - len(got)) <= 1 for q in begun):
@@ -289,5 +323,5 @@ def _together(since: F64) -> float:
     return most
 
 
-RULES: Final[tuple[Rule, ...]] = (requests_run_together, spoken_into, streams_apart)
+RULES: Final[tuple[Rule, ...]] = (requests_run_together, spoken_into, when_none_due, streams_apart)
 """The rules of this area."""

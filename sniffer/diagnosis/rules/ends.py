@@ -140,6 +140,13 @@ def _begin_of_requests(case: Case) -> bytes | None:
     return begin if begin != answers[0][:1] else None
 
 
+def may_be_cut(m: Misread) -> bool:
+    """Tell whether it may be the last byte alone that is torn: it is, or nobody knows which one."""
+    if m.shape == BITS_FEW:
+        return not m.bytes_hit or max(m.bytes_hit) == m.damage.length - 1
+    return _cut(m)
+
+
 def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
     """Return the places of torn answers that begin later than any sound one: they lack a byte.
 

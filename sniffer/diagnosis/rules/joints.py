@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import STRAYS
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
@@ -112,6 +113,10 @@ WELL: Final = 1.5
 LONE: Final = 0.6
 """How much it counts where no joint of the bus ever followed: positions may be no measurements."""
 
+FEW: Final = 2
+DISPLACED: Final = 0.5
+"""Bytes left behind bare answers, and for which part of them, that show that these are not as sent."""
+
 _BRIEF: Final = {
     "joint-stalled": "servo {} pushes and does not move",
     "joint-limp": "servo {} hangs limp",
@@ -128,6 +133,8 @@ def following(case: Case) -> Iterator[Finding]:
     for one in tracks:
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
+            if _is_displaced(case, one, away):
+                continue
             code = _kind(case, one, away)
             motor = effort(case, one.servo_id)
             if motor and code in ("joint-limp", "joint-not-following") and _presses(one, away):
@@ -139,6 +146,23 @@ def following(case: Case) -> Iterator[Finding]:
                     kinds.setdefault("joint-stalled", []).append(pushed)
         for code, several in kinds.items():
             yield _found(case, one, code, several, moved=moved or _moves(one))
+
+
+def _is_displaced(case: Case, one: JointTrack, away: Away) -> bool:
+    """Tell whether bare answers of a stretch took stray bytes for their first ones.
+
+    Each of these leaves its last byte behind: what was its load is its place then.
+    """
+    if case.has_checksum:
+        return False
+    left = sum(
+        d.turn in STRAYS
+        and d.asked_id == one.servo_id
+        and away.first_ns <= d.t_ns <= away.last_ns + case.latency_ns
+        for d in case.damages
+    )
+    said = int(one.position.n[away.first : away.last + 1].sum())
+    return left >= max(FEW, DISPLACED * said)
 
 
 def stuck(case: Case) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
-from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.held import FALLS
@@ -72,8 +72,6 @@ FINDINGS: Final = (
         "Four or more, by stamps of which the line rests for three byte times before and behind.",
     ),
 )
-
-STRAYS: Final = (AT_TURN, IN_IDLE)
 
 LEAST: Final = 3
 """Places that make a pattern."""

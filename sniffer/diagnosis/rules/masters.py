@@ -187,7 +187,10 @@ def crossings_of(kinds: I64) -> int:
     kinds = kinds[kinds >= 0]
     if len(kinds) < ROUND:
         return 0
-    n = int(kinds.max()) + 1
+    often = np.flatnonzero(np.bincount(kinds) >= FOLLOWED)
+    # all that are seldom said are one: none of them has a usual place
+    kinds = np.where(np.isin(kinds, often), np.searchsorted(often, kinds), len(often))
+    n = len(often) + 1
     pairs = np.bincount(kinds[:-1] * n + kinds[1:], minlength=n * n).reshape(n, n)
     total = pairs.sum(1)
     share = pairs / np.maximum(total, 1)[:, None]

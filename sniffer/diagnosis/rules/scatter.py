@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REQUEST
+from sniffer.diagnosis.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.returns import Returned
 from sniffer.diagnosis.steps import MILLI
@@ -64,9 +64,6 @@ SOME: Final = 0.05
 
 DISPLACED: Final = 0.5
 """How many answers out of place there may be for each position that is far away."""
-
-STRAYS: Final = (AT_TURN, IN_IDLE)
-"""Where stray bytes stand: the last byte of an answer that took one for its first is nobody's."""
 
 NEARLY: Final = 0.8
 """How far on the way to a place a goal must lie to send a joint there."""

@@ -70,6 +70,7 @@ WEIGHTS: Final = (
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
         ("streams-apart", -2.0, "two loops keep two times"),
         ("rounds-cross", -2.0, "one loop keeps its order"),
+        ("torn-when-none-due", -4.0, "behind an answer nobody speaks into its requests"),
         ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),

@@ -206,6 +206,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-everywhere", 0.5, "frames are torn"),
         ("damage-one-servo", -1.5, "a driver that is on for too long concerns all who answer soon"),
         ("rounds-cross", -1.5, "a driver puts no whole request between two others"),
+        (
+            "torn-when-none-due",
+            -3.0,
+            "behind an answer a driver harms no request but its last byte",
+        ),
         ("strays-anywhere", 0.2, "some of the bytes stand elsewhere"),
         ("line-babbles", -4.0, "nothing gets by for long"),
         ("one-way-bits", 0.1, "what holds the line holds it at one level"),
