@@ -19,6 +19,7 @@ from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.moment import moment_of
 from sniffer.inside.panes import figures_text
 from sniffer.inside.search import Search
+from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from tests.test_board_keys import Watching
@@ -53,6 +54,23 @@ def test_lines_and_fields_have_the_names_of_their_bus(index: CaptureIndex) -> No
         number = lines_of(index, bus, servo)[0]
         assert line_words(index, number).servo == who
         assert detail_of(index, number).fields[0].text.endswith(f", servo {who}")
+
+
+def test_a_narrow_list_has_names_in_place_of_the_bus(index: CaptureIndex) -> None:
+    lines = FrameList(LineView(index))
+    head = lines.heading(80)
+    for bus, servo, who in (
+        ("arm", 1, "  1 left_shou… "),
+        ("leg", 1, "  1 leg "),
+        ("leg", 2, "ankle "),
+    ):
+        told = line_words(index, lines_of(index, bus, servo)[0])
+        cells = (" ", told.bus, told.servo, told.kind, told.op, told.values, told.verdict, "0")
+        text = lines._laid(cells, "22:55:06.001", 80, shift=0)
+        assert who in text
+        assert cell_len(text) == len(head) == 80
+        assert text.index(told.op) == head.index("command")
+        assert (told.bus in text) == (who == "  1 leg ")
 
 
 def test_what_was_found_in_a_line_names_the_servo(index: CaptureIndex) -> None:
