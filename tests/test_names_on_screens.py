@@ -18,6 +18,7 @@ from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.moment import moment_of
 from sniffer.inside.panes import figures_text
+from sniffer.inside.places import line_of
 from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
@@ -141,6 +142,12 @@ def test_a_search_finds_lines_by_the_name_of_their_servo(
         at = next(k for k, told in enumerate(words) if "position" in told.values)
         assert found(f"{text} {words[at].op} {words[at].values}") == mine[at]
     assert found("wrist_") is None
+
+
+def test_a_place_may_be_that_of_a_servo_by_its_name(index: CaptureIndex) -> None:
+    assert line_of(f"@first-error:servo={LONG}", index) == line_of("@first-error:servo=1", index)
+    with pytest.raises(InputError, match="did you mean wrist"):
+        line_of("@first-error:servo=wirst", index)
 
 
 def test_names_complete_a_filter(index: CaptureIndex) -> None:

@@ -399,3 +399,20 @@ def test_tables_have_a_column_of_names_where_they_are_known(both: Path, tmp_path
     assert plain.read_text(encoding="utf-8").splitlines()[0].endswith(',"protocol"')
     assert sniffer("decode", CLEAN, "-q", "--name", "1==1+1", "-o", plain, "--force").status == 0
     assert '"\'=1+1"' in plain.read_text(encoding="utf-8"), "a spreadsheet runs no name"
+
+
+def test_a_place_may_be_that_of_a_servo_by_its_name(both: Path) -> None:
+    by_name, by_id = (sniffer("explain", f"{both}@first-error:servo={who}") for who in (LONG, "1"))
+    assert by_name == by_id
+    assert "servo 1 " in by_name.out
+    wrist = sniffer("decode", both, "--format", "jsonl", "--from", "@no-response:servo=wrist")
+    where = sniffer(
+        "decode", both, "--format", "jsonl", "--from", "@no-response", "--servo", "wrist"
+    )
+    begins = [
+        json.loads(ran.out.splitlines()[-1])["selection"]["from_ns"] for ran in (wrist, where)
+    ]
+    assert begins[0] == begins[1]
+    wrong = sniffer("decode", both, "--from", "@first-error:servo=wirst")
+    assert (wrong.status, wrong.out) == (2, "")
+    assert "@first-error:servo=wirst: no servo is called 'wirst': did you mean wrist?" in wrong.err
