@@ -95,6 +95,8 @@ class CapturePlace:
             InputError: it says which name is near.
         """
         if isinstance(self.servo, str):
+            if not names:
+                raise InputError(_no_id(self.text, self.text.partition(_OF_SERVO)[0]))
             try:
                 names.having(self.servo)
             except InputError as error:
@@ -200,8 +202,12 @@ def _of_servo(text: str, place: CapturePlace, who: str) -> CapturePlace:
         raise InputError(f"{_cut(text)}: {told}")
     is_id = re.fullmatch("[0-9-]*", who) is not None
     if (is_id and number_in(who, 0, IDS - 1) is None) or not (is_id or is_name(who)):
-        raise InputError(f"{_cut(text)}: write the id of a servo, as in {place.text}{_OF_SERVO}3")
+        raise InputError(_no_id(text, place.text))
     return replace(place, text=text, servo=int(who) if is_id else who)
+
+
+def _no_id(text: str, place: str) -> str:
+    return f"{_cut(text)}: write the id of a servo, as in {place}{_OF_SERVO}3"
 
 
 def _no_first(text: str, word: str, number: str) -> str:
