@@ -18,7 +18,9 @@ from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.moment import moment_of
 from sniffer.inside.panes import figures_text
+from sniffer.inside.places import line_of
 from sniffer.inside.search import Search
+from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from tests.test_board_keys import Watching
@@ -53,6 +55,23 @@ def test_lines_and_fields_have_the_names_of_their_bus(index: CaptureIndex) -> No
         number = lines_of(index, bus, servo)[0]
         assert line_words(index, number).servo == who
         assert detail_of(index, number).fields[0].text.endswith(f", servo {who}")
+
+
+def test_a_narrow_list_has_names_in_place_of_the_bus(index: CaptureIndex) -> None:
+    lines = FrameList(LineView(index))
+    head = lines.heading(80)
+    for bus, servo, who in (
+        ("arm", 1, "  1 left_shou… "),
+        ("leg", 1, "  1 leg "),
+        ("leg", 2, "ankle "),
+    ):
+        told = line_words(index, lines_of(index, bus, servo)[0])
+        cells = (" ", told.bus, told.servo, told.kind, told.op, told.values, told.verdict, "0")
+        text = lines._laid(cells, "22:55:06.001", 80, shift=0)
+        assert who in text
+        assert cell_len(text) == len(head) == 80
+        assert text.index(told.op) == head.index("command")
+        assert (told.bus in text) == (who == "  1 leg ")
 
 
 def test_what_was_found_in_a_line_names_the_servo(index: CaptureIndex) -> None:
@@ -123,6 +142,12 @@ def test_a_search_finds_lines_by_the_name_of_their_servo(
         at = next(k for k, told in enumerate(words) if "position" in told.values)
         assert found(f"{text} {words[at].op} {words[at].values}") == mine[at]
     assert found("wrist_") is None
+
+
+def test_a_place_may_be_that_of_a_servo_by_its_name(index: CaptureIndex) -> None:
+    assert line_of(f"@first-error:servo={LONG}", index) == line_of("@first-error:servo=1", index)
+    with pytest.raises(InputError, match="did you mean wrist"):
+        line_of("@first-error:servo=wirst", index)
 
 
 def test_names_complete_a_filter(index: CaptureIndex) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import jsonschema
 import pytest
+from pyarrow import parquet
 
 from sniffer.ground.registers import schema_path
 from tests.commands import sniffer
@@ -379,3 +380,39 @@ def test_a_drawing_names_the_servo_as_it_is_told_now(both: Path) -> None:
     drawn = sniffer("explain", f"{both}@first-error:servo=1", *told).out
     assert "servo 1 hand" in drawn
     assert LONG not in drawn
+
+
+def test_tables_have_a_column_of_names_where_they_are_known(both: Path, tmp_path: Path) -> None:
+    known = {("arm", "1"): LONG, ("arm", "2"): "wrist", ("leg", "2"): "ankle"}
+    table, packed = tmp_path / "x.csv", tmp_path / "x.parquet"
+    assert sniffer("convert", both, table, packed, "-q", "--to", "2").status == 0
+    for path in (table, tmp_path / "x.frames.csv"):
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+        assert {(r["bus"], r["servo_id"]) for r in rows if r["servo_name"]} == set(known)
+        assert all(r["servo_name"] == known.get((r["bus"], r["servo_id"]), "") for r in rows)
+    samples = parquet.read_table(packed).to_pylist()
+    assert [r["servo_name"] for r in samples] == [
+        known.get((r["bus"], str(r["servo_id"]))) for r in samples
+    ]
+    plain = tmp_path / "plain.csv"
+    assert sniffer("decode", CLEAN, "-q", "-o", plain).status == 0
+    assert plain.read_text(encoding="utf-8").splitlines()[0].endswith(',"protocol"')
+    assert sniffer("decode", CLEAN, "-q", "--name", "1==1+1", "-o", plain, "--force").status == 0
+    assert '"\'=1+1"' in plain.read_text(encoding="utf-8"), "a spreadsheet runs no name"
+
+
+def test_a_place_may_be_that_of_a_servo_by_its_name(both: Path) -> None:
+    by_name, by_id = (sniffer("explain", f"{both}@first-error:servo={who}") for who in (LONG, "1"))
+    assert by_name == by_id
+    assert "servo 1 " in by_name.out
+    wrist = sniffer("decode", both, "--format", "jsonl", "--from", "@no-response:servo=wrist")
+    where = sniffer(
+        "decode", both, "--format", "jsonl", "--from", "@no-response", "--servo", "wrist"
+    )
+    begins = [
+        json.loads(ran.out.splitlines()[-1])["selection"]["from_ns"] for ran in (wrist, where)
+    ]
+    assert begins[0] == begins[1]
+    wrong = sniffer("decode", both, "--from", "@first-error:servo=wirst")
+    assert (wrong.status, wrong.out) == (2, "")
+    assert "@first-error:servo=wirst: no servo is called 'wirst': did you mean wrist?" in wrong.err

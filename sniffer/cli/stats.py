@@ -74,10 +74,10 @@ def stats(
 
     Of each bus its load and where the bytes went; of each servo and command how often, how
     regularly, how fast and how much is missing; of each servo how far it is from its goals, how
-    its goals settle, and its extremes; of each anomaly when and how often. With --alarm RULE also
-    how long each servo met the rule; with --every 1s load, missing answers, anomalies and response
-    times second by second. Of a selection (--servo, --where ...) what is selected is
-    counted: rates and loads of that, over all the time.
+    soon it begins to move, how its goals settle, which it never reached, and its extremes; of each
+    anomaly when and how often. With --alarm RULE also how long each servo met the rule; with
+    --every 1s load, missing answers, anomalies and response times second by second. Of a selection
+    (--servo, --where ...) what is selected is counted: rates and loads of that, over all the time.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
     counted).

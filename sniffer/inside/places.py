@@ -76,7 +76,12 @@ def _sought(
     named = [n for n, code in enumerate(CODES) if place.sought in (code, SEVERITY[n].name.lower())]
     mine = np.flatnonzero(np.isin(found["code"], named))
     if place.servo is not None:
-        mine = mine[found["servo"][mine] == place.servo]
+        place.known_by(index.names)
+        who, on = found["servo"][mine], index.lines["bus"][np.maximum(found["line"][mine], 0)]
+        met = np.zeros(len(mine), bool)
+        for number, name in enumerate(index.buses):
+            met |= (on == number) & np.isin(who, place.about(name, index.names))
+        mine = mine[met]
     where = ""
     if view is not None and not view.is_whole:
         mine = mine[view.shows(found["line"][mine])]

@@ -27,6 +27,9 @@ WIDE: Final = 120
 NAMES: Final = 24
 """Columns that ids with names have at most, where there are wide ones: the field pane has all."""
 
+SHORT_NAMES: Final = 14
+"""Columns of these in a narrow terminal, where the bus has none of its own beside them."""
+
 WORDS_KEPT: Final = 512
 """Lines whose words are kept: some screens."""
 
@@ -79,7 +82,9 @@ class FrameList(ScrollView, can_focus=True):
 
     def heading(self, width: int) -> str:
         """Return the titles of the columns."""
-        titles = (" ", "bus", "id", " ", "command", "values", "verdict", "offset")
+        titles = (" ", "", "id", " ", "command", "values", "verdict", "offset")
+        if not self._has_names(width):
+            titles = (" ", "bus", *titles[2:])
         return self._laid(titles, TIMES[self.times], width, shift=0)
 
     def grown(self) -> None:
@@ -203,13 +208,23 @@ class FrameList(ScrollView, can_focus=True):
             return since(words.t_ns)
         return time_of_day(words.t_ns, 6 if self.size.width >= WIDE else 3)
 
-    def _who(self, servo: str, *, wide: bool) -> str:
-        """Return an id in its column; with the name beside it where there is room for names."""
-        names = self.view.index.names.known
+    def _has_names(self, width: int) -> bool:
+        """Tell whether names stand in place of the bus: a narrow terminal has no room for both."""
+        return width < WIDE and bool(self.view.index.names)
+
+    def _who(self, servo: str, bus: str, *, wide: bool) -> str:
+        """Return an id in its column, with its name where servos have names.
+
+        In a narrow terminal who has none is told by the bus, where there are several.
+        """
+        buses = self.view.index.buses
+        names = [*self.view.index.names.known, *([] if wide or len(buses) < 2 else buses)]
         number, _, name = servo.partition(" ")
-        if not names or not wide:
+        if not self.view.index.names:
             return number.rjust(3)
-        text, room = f"{number:>3} {name}", min(max(map(cell_len, names)) + 4, NAMES)
+        most = NAMES if wide else SHORT_NAMES
+        text = f"{number:>3} {name or ('' if wide else bus)}"
+        room = min(max(map(cell_len, names)) + 4, most)
         return set_cell_size(text, room - 1) + "…" if cell_len(text) > room else text.ljust(room)
 
     def _laid(self, cells: tuple[str, ...], time: str, width: int, *, shift: int) -> str:
@@ -218,11 +233,15 @@ class FrameList(ScrollView, can_focus=True):
         several = len(self.view.index.buses) > 1
         wide = width >= WIDE
         before = [mark + time.rjust(15 if wide else 12)]
-        if several:
+        if several and not self._has_names(width):
             before.append(fit(bus, 8 if wide else 5))
         if wide:
             before.append(offset.rjust(10))
-        before += [self._who(servo, wide=wide), kind, fit(op, 19 if wide else 15)]
+        before += [
+            self._who(servo, bus if several else "", wide=wide),
+            kind,
+            fit(op, 19 if wide else 15),
+        ]
         head, tail = " ".join(before), fit(verdict, 18 if wide else 13)
         room = max(width - cell_len(head) - cell_len(tail) - 2, 8)
         return set_cell_size(f"{head} {fit(values[shift:], room)} {tail}", width)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
@@ -128,7 +129,7 @@ class Extract:
         if not self.seeks:
             return self
         places = [p for p in (self.start, self.stop) if p is not None and p.kind == FOUND]
-        finder = _Finder(places, self.of_places)
+        finder = _Finder(places, self.of_places, options.called)
         _look(finder, opened, options)
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
 
@@ -139,7 +140,7 @@ def evidence_at(place: CapturePlace, opened: Source, options: Options) -> tuple[
     Raises:
         InputError: it is not there.
     """
-    finder = _Finder([place])
+    finder = _Finder([place], names=options.called)
     _look(finder, opened, options)
     finder.found(place)
     return finder.evidence[place]
@@ -212,7 +213,15 @@ class _First:
 class _Finder:
     """A sink that looks for places, and counts anomalies in the order of the output."""
 
-    def __init__(self, places: Sequence[CapturePlace], among: Selection | None = None) -> None:
+    def __init__(
+        self,
+        places: Sequence[CapturePlace],
+        among: Selection | None = None,
+        names: ServoNames | None = None,
+    ) -> None:
+        self._names = names or ServoNames()
+        for place in places:
+            place.known_by(self._names)
         self._places = tuple(dict.fromkeys(places))
         self._among = among
         self._times: dict[CapturePlace, int] = {}
@@ -301,7 +310,7 @@ class _Finder:
             nth = place.number - 1 - self._anomalies
             return self._take(place, bus, found, nth) if nth < len(found) else None
         if place.servo is not None:
-            mine = mine & (found.servo_id == place.servo)
+            mine = mine & np.isin(found.servo_id, place.about(bus, self._names))
         code = found.code.tolist()
         for nth in mine.nonzero()[0].tolist():
             if place.sought in (CODES[code[nth]], SEVERITY[code[nth]].name.lower()):

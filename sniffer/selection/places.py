@@ -13,15 +13,18 @@ import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.called import is_name
 from sniffer.ground.amounts import time_in
-from sniffer.ground.limits import IDS, OFFSET_END, TIME_END_NS
+from sniffer.ground.limits import IDS, OFFSET_END, TIME_END_NS, number_in
 from sniffer.ground.model import NS, InputError
-from sniffer.ground.wording import Sentence, and_
+from sniffer.ground.wording import Sentence, and_, spelled
 from sniffer.selection.columns import SEVERITIES, VALUES
 from sniffer.selection.expression import near
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from sniffer.decoding.called import ServoNames
 
 END: Final = "end"
 """What is sought of a place that is so long before the end of a capture."""
@@ -61,8 +64,8 @@ class CapturePlace:
 
     What is to be looked for is ``sought``: ``byte`` (of ``bus``, if one is named), ``anomaly``, a
     severity or a code, or the ``end``; ``number`` is that of the byte, or which of them is meant,
-    from 1, or how many ns before the end; where ``servo`` is told, of those about this one. What is
-    meant is ``shift_ns`` behind what is found.
+    from 1, or how many ns before the end; where ``servo`` is told, an id or a name, of those about
+    this one. What is meant is ``shift_ns`` behind what is found.
     """
 
     text: str
@@ -71,13 +74,34 @@ class CapturePlace:
     sought: str = ""
     number: int = 0
     bus: str = ""
-    servo: int | None = None
+    servo: int | str | None = None
     shift_ns: int = 0
 
     @property
     def is_counted(self) -> bool:
         """Whether it is one of the anomalies of a kind, of which a selection may have fewer."""
         return self.sought not in ("", "byte", "anomaly", END)
+
+    def about(self, bus: str, names: ServoNames) -> list[int]:
+        """Return the ids of the servos of a bus that are meant, where one is told."""
+        if isinstance(self.servo, str):
+            return names.ids(bus, self.servo)
+        return [] if self.servo is None else [self.servo]
+
+    def known_by(self, names: ServoNames) -> None:
+        """Refuse a name that nobody has.
+
+        Raises:
+            InputError: it says which name is near.
+        """
+        if isinstance(self.servo, str):
+            if not names:
+                raise InputError(_no_id(self.text, self.text.partition(_OF_SERVO)[0]))
+            try:
+                names.having(self.servo)
+            except InputError as error:
+                why = spelled(error, lambda argument, _: argument[0]).partition(": ")[2]
+                raise InputError(f"{self.text}: {why}") from None
 
     def at(self, first_ns: int | None) -> int:
         """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.
@@ -176,9 +200,14 @@ def _of_servo(text: str, place: CapturePlace, who: str) -> CapturePlace:
     if not place.is_counted:
         told = f"{_cut(place.text)} is one place, of whatever servo: leave {_OF_SERVO}{who} out"
         raise InputError(f"{_cut(text)}: {told}")
-    if not re.fullmatch("[0-9]{1,3}", who) or int(who) >= IDS:
-        raise InputError(f"{_cut(text)}: write the id of a servo, as in {place.text}{_OF_SERVO}3")
-    return replace(place, text=text, servo=int(who))
+    is_id = re.fullmatch("[0-9-]*", who) is not None
+    if (is_id and number_in(who, 0, IDS - 1) is None) or not (is_id or is_name(who)):
+        raise InputError(_no_id(text, place.text))
+    return replace(place, text=text, servo=int(who) if is_id else who)
+
+
+def _no_id(text: str, place: str) -> str:
+    return f"{_cut(text)}: write the id of a servo, as in {place}{_OF_SERVO}3"
 
 
 def _no_first(text: str, word: str, number: str) -> str:

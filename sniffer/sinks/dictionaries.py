@@ -12,9 +12,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pyarrow as pa
 
+from sniffer.decoding.called import SERVO_NAME
+from sniffer.ground.limits import IDS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.decoding.called import ServoNames
     from sniffer.ground.model import I64
     from sniffer.ground.registers import Register
 
@@ -47,6 +51,32 @@ def constant(name: str, n: int) -> Any:
     _, texts = _laid_out((name,))
     # nothing but noughts: that each of them has a name need not be looked up
     return pa.DictionaryArray.from_arrays(_ZEROS[0].slice(0, n), texts, safe=False)
+
+
+CALLED: Final = pa.field(SERVO_NAME, NAME)
+"""The column of what servos are called; there only where names are known."""
+
+
+def with_names(table: Any, names: ServoNames) -> Any:
+    """Return a table with what the servos of its rows are called behind its other columns."""
+    return table.append_column(CALLED, _called(table, names))
+
+
+def _called(table: Any, names: ServoNames) -> Any:
+    """Return what the servos of a table's rows are called, null where they have no name."""
+    if not len(table):
+        return pa.array([], NAME)
+    bus = table["bus"].unify_dictionaries().combine_chunks()
+    servo = table["servo_id"].fill_null(-1).to_numpy().astype(np.int64)
+    known = [names.on_bus(name) for name in bus.dictionary.to_pylist()]
+    texts = list(dict.fromkeys(name for each in known for name in each.values()))
+    of = np.full((len(known), IDS + 1), -1, np.int64)  # the last column is nobody's
+    for row, each in enumerate(known):
+        for who, name in each.items():
+            of[row, who] = texts.index(name)
+    which = of[bus.indices.to_numpy(), servo]
+    codes = pa.array(which.astype(np.int32), mask=which < 0)
+    return pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
 
 
 class RegisterNames:

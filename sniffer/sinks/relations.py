@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from sniffer.decoding.called import SERVO_NAME, ServoNames
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.limits import IDS
-from sniffer.sinks.dictionaries import NAME, absent, always, constant, named
+from sniffer.sinks.dictionaries import NAME, absent, always, constant, named, with_names
 from sniffer.sinks.tables import FRAMES, SAMPLES, frames_table, samples_table
 
 if TYPE_CHECKING:
@@ -200,23 +199,6 @@ def _hex(table: Any, batch: Batch) -> Any:
     return pa.array([batch.data[at : at + n].hex() for at, n in spans], pa.string())
 
 
-def _called(table: Any, names: ServoNames) -> Any:
-    """Return what the servos of a table's rows are called, null where they have no name."""
-    if not len(table):
-        return pa.array([], NAME)
-    bus = table["bus"].unify_dictionaries().combine_chunks()
-    servo = table["servo_id"].fill_null(-1).to_numpy().astype(np.int64)
-    known = [names.on_bus(name) for name in bus.dictionary.to_pylist()]
-    texts = list(dict.fromkeys(name for each in known for name in each.values()))
-    of = np.full((len(known), IDS + 1), -1, np.int64)  # the last column is nobody's
-    for row, each in enumerate(known):
-        for who, name in each.items():
-            of[row, who] = texts.index(name)
-    which = of[bus.indices.to_numpy(), servo]
-    codes = pa.array(which.astype(np.int32), mask=which < 0)
-    return pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
-
-
 class RelationSink:
     """A sink that keeps the tables that are asked for, all their rows that are shown.
 
@@ -265,7 +247,7 @@ class RelationSink:
                 schema = schema.append(HEX)
             table = pa.concat_tables([schema.empty_table(), *parts])
             if self._names and "servo_id" in table.column_names:
-                table = table.append_column(SERVO_NAME, _called(table, self._names))
+                table = with_names(table, self._names)
             if self._file is not None:
                 table = table.add_column(0, "file", constant(self._file, len(table)))
             out[name] = table.unify_dictionaries()

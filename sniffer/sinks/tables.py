@@ -19,13 +19,23 @@ import pyarrow.csv
 import pyarrow.ipc
 import pyarrow.parquet
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.fields import tidied
 from sniffer.ground.codes import KINDS, PARTS, PROVENANCES, ROLES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.files import beside, open_binary, writing
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
-from sniffer.sinks.dictionaries import NAME, RegisterNames, absent, always, constant, named
+from sniffer.sinks.dictionaries import (
+    CALLED,
+    NAME,
+    RegisterNames,
+    absent,
+    always,
+    constant,
+    named,
+    with_names,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -173,21 +183,22 @@ class _Table:
         self._build = build
         self._parts: list[Any] = []
         self._rows = 0
-        self._schema = schema
+        self._is_text = path.suffix.lower() == ".csv"
+        self._schema = _plain(schema) if self._is_text else schema
         self._file = open_binary(path)
-        with writing(path):
-            if path.suffix.lower() == ".csv":
-                plain = pa.schema([pa.field(f.name, _plain(f.type)) for f in schema])
-                self._schema = plain
-                self._writer = pyarrow.csv.CSVWriter(self._file, plain)
-            else:
-                self._writer = parquet_writer(self._file, schema)
+        self._writer: Any = None
         # The writer packs outside the interpreter's lock: decoding goes on meanwhile.
         self._packer = ThreadPoolExecutor(1, thread_name_prefix="tables")
         self._packing: Future[None] | None = None
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         self.take(self._build(bus, protocol, batch))
+
+    def widen(self, column: Any, build: Builder) -> None:
+        """Have another column behind the others, before there is a row."""
+        schema = pa.schema([column])
+        self._schema = self._schema.append((_plain(schema) if self._is_text else schema)[0])
+        self._build = build
 
     def take(self, table: Any) -> None:
         self._parts.append(_in_text(table, self._schema) if table.schema != self._schema else table)
@@ -198,9 +209,17 @@ class _Table:
     def _flush(self) -> None:
         """Hand the rows over; one group at most is under way, and its failure is told here."""
         self._wait()
+        self._begin()
         if self._parts:
             self._packing = self._packer.submit(self._pack, self._parts)
         self._parts, self._rows = [], 0
+
+    def _begin(self) -> None:
+        """Write the head of the file, once it is known which columns there are."""
+        if self._writer is None:
+            writer = pyarrow.csv.CSVWriter if self._is_text else parquet_writer
+            with writing(self._path):
+                self._writer = writer(self._file, self._schema)
 
     def _wait(self) -> None:
         if self._packing is not None:
@@ -217,7 +236,8 @@ class _Table:
                 self._flush()
                 self._wait()
             finally:
-                self._writer.close()
+                if self._writer is not None:
+                    self._writer.close()
 
 
 def _in_text(table: Any, schema: Any) -> Any:
@@ -239,8 +259,15 @@ def harmless(name: str) -> str:
     return f"'{name}" if name.startswith(FORMULA) else name
 
 
-def _plain(kind: Any) -> Any:
-    return pa.string() if kind == NAME else kind
+def _plain(schema: Any) -> Any:
+    """Return the columns of a .csv: names are texts there, and none is said never to be missing."""
+    texts = ((f.name, pa.string() if f.type == NAME else f.type) for f in schema)
+    return pa.schema([pa.field(*one) for one in texts])
+
+
+def _naming(build: Builder, names: ServoNames) -> Builder:
+    """Return what makes a table that has names of servos."""
+    return lambda bus, protocol, batch: with_names(build(bus, protocol, batch), names)
 
 
 class TableSink:
@@ -254,6 +281,12 @@ class TableSink:
         except OutputError:
             self._samples.close()
             raise
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called: where names are known, a column has them."""
+        if names:
+            self._samples.widen(CALLED, _naming(samples_table, names))
+            self._frames.widen(CALLED, _naming(frames_table, names))
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: tables hold what was decoded."""
@@ -304,7 +337,7 @@ class TablePiece:
     """Writes the rows of a part as two Arrow streams, names and all."""
 
     def __init__(self, path: Path) -> None:
-        packed = pa.ipc.IpcWriteOptions(compression="lz4", emit_dictionary_deltas=False)
+        self._names = ServoNames()
         self._tables = [
             (file, open_binary(file), build, schema)
             for file, build, schema in (
@@ -312,10 +345,23 @@ class TablePiece:
                 (beside(path), frames_table, FRAMES),
             )
         ]
-        self._writers = [
-            pa.ipc.new_stream(stream, schema, options=packed)
-            for _, stream, _, schema in self._tables
-        ]
+        self._writers: list[Any] = []
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
+
+    def _begun(self) -> list[Any]:
+        """Return the streams; which columns they have is known when they are asked for first."""
+        if not self._writers:
+            packed = pa.ipc.IpcWriteOptions(compression="lz4", emit_dictionary_deltas=False)
+            self._writers = [
+                pa.ipc.new_stream(
+                    stream, schema.append(CALLED) if self._names else schema, options=packed
+                )
+                for _, stream, _, schema in self._tables
+            ]
+        return self._writers
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -323,12 +369,13 @@ class TablePiece:
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Add the batch's rows."""
         if len(batch.frames):
-            for writer, (path, _, build, _) in zip(self._writers, self._tables, strict=True):
+            for writer, (path, _, build, _) in zip(self._begun(), self._tables, strict=True):
                 with writing(path):
-                    writer.write_table(build(bus, protocol, batch))
+                    rows = build(bus, protocol, batch)
+                    writer.write_table(with_names(rows, self._names) if self._names else rows)
 
     def close(self) -> None:
         """Write the files' ends."""
-        for writer, (path, stream, _, _) in zip(self._writers, self._tables, strict=True):
+        for writer, (path, stream, _, _) in zip(self._begun(), self._tables, strict=True):
             with writing(path), stream:
                 writer.close()

@@ -177,7 +177,7 @@ class _Joint:
         high = max(t_ns - wait.t_ns + wait.spread, low)
         middle = (low + high) // 2
         self.figures.times.add(np.array([middle]), np.array([high - middle]))
-        bounds = Bounds(2 * middle - high, high)  # as the quantiles have it
+        bounds = Bounds(max(2 * middle - high, 0), high)  # as the quantiles have it
         self._begun.append(bounds)
         slowest = self.figures.slowest
         if slowest is None or bounds.low > slowest.bounds.low:
