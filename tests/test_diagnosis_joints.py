@@ -82,6 +82,30 @@ def test_a_joint_that_hangs_is_seen_by_who_looks_once_a_move(protocol: str) -> N
     assert not looked_at_once_a_move(protocol, lambda at, goal: goal).incidents()
 
 
+def told_now_and_then(protocol: str, place: Callable[[float], float]) -> set[str]:
+    """Return what is found of a joint that is told a goal each 1.9 s, now on this side, now on that.
+
+    ``place`` is where it is by its goal, half a second behind that.
+    """
+    talk = Conversation(protocol)
+    for move, goal in enumerate((0.5, 0.42, 0.7, 0.44, 0.6, 0.35, 0.62) * 2):
+        talk.until(1.9 * move)
+        talk.send(1, goal)
+        began = talk.now_s
+        while talk.now_s < 1.9 * move + 1.8:
+            talk.read(1, place(goal) if talk.now_s > began + 0.4 else 0.5)
+            talk.rest(60)
+    return codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_joint_that_hangs_between_goals_that_come_now_and_then_does_not_follow(
+    protocol: str,
+) -> None:
+    assert "joint-not-following" in told_now_and_then(protocol, lambda goal: 0.5)
+    assert not told_now_and_then(protocol, lambda goal: goal) & HANGS
+
+
 def loaded(load: Callable[[float], float]) -> Diagnosis:
     """Return the diagnosis of a wCK joint that stands, under goals that swing, with a raw load."""
     talk = Conversation("wck")
