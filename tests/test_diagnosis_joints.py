@@ -83,7 +83,7 @@ def test_a_joint_that_hangs_is_seen_by_who_looks_once_a_move(protocol: str) -> N
 
 
 def told_now_and_then(protocol: str, place: Callable[[float], float]) -> set[str]:
-    """Return what is found of a joint that is told a goal each 1.9 s, now on this side, now on that.
+    """Return what is found of a joint that is told a goal each 1.9 s, on this side and on that.
 
     ``place`` is where it is by its goal, half a second behind that.
     """
