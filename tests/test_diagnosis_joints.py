@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, polled
-from tests.streams import rs30x, wck
+from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -316,3 +316,26 @@ def test_the_one_joint_that_is_left_out_when_the_others_are_switched_on_is_named
 def test_a_joint_that_stands_beside_others_that_move_may_have_been_switched_on_before() -> None:
     assert "torque-never-on" not in codes(switched_on((), (2,)))
     assert "torque-never-on" not in codes(switched_on((1, 2, 3), (2,)))
+
+
+def held_for_a_while(*, switched_on: float) -> Diagnosis:
+    """A mightyZAP joint that stands from 4 to 7 s, with its torque written at 0 s and once more."""
+    talk = Conversation("mightyzap")
+    on = mightyzap.packet(1, 0xF3, bytes((0x80, 1)))
+    talk.write(on)
+    at = 0.5
+    for cycle in range(480):
+        talk.until(cycle / 40)
+        if cycle == round(40 * switched_on):
+            talk.write(on)
+        goal = swinging(1, talk.now_s)
+        at = at if 4 <= talk.now_s < 7 else goal
+        talk.send(1, goal)
+        talk.read(1, at)
+    return talk.diagnosed()
+
+
+def test_a_joint_that_follows_again_though_nobody_switched_its_torque_on_was_blocked() -> None:
+    assert verdicts(held_for_a_while(switched_on=0.5).incidents()) == [("stall", (1,))]
+    # who is switched on again where it goes on may have been off
+    assert verdicts(held_for_a_while(switched_on=6.9).incidents()) == [("torque-off", (1,))]

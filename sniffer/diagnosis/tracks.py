@@ -124,6 +124,16 @@ class JointTrack:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
         return [one for one in out if not self._moves_elsewhere(one)]
 
+    def follows(self, since_ns: int) -> bool:
+        """Tell whether it is near its goals for the second that begins a second later."""
+        p = self.position
+        rows = np.flatnonzero((p.t_first > since_ns + LAG_NS) & (p.t <= since_ns + 3 * LAG_NS))
+        if not len(rows) or int(p.t[rows[-1]] - p.t_first[rows[0]]) < LAG_NS:
+            return False
+        low, high = in_force(self.goal, p.t[rows] - LAG_NS // 2, p.t[rows])
+        near = np.maximum(low - p.last[rows], p.last[rows] - high) <= self.far / 2
+        return bool(near.all()) and float(np.ptp(p.last[rows])) > self.far
+
     def _stays(self, since: I64, until: I64) -> Mask:
         """Tell whether it stood still from one row to another, whatever its goals did."""
         low, high = _extremes(self.position, since, until + 1)
