@@ -29,7 +29,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick test-ray coverage lint format bench bench-diagnosis bench-fleet bench-live bench-parts bench-signals soak rig fuzz schemas wireshark captures golden shell clean
+.PHONY: help demo test test-quick test-ray coverage lint format bench bench-diagnosis bench-fleet bench-live bench-other bench-parts bench-signals soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -72,6 +72,9 @@ bench-fleet: $(VENV)/.dev ## what a data set of captures costs, a gigabyte of th
 
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
 	$(BIN)/python -m bench.live_results
+
+bench-other: $(VENV)/.dev ## the diagnosis of conversations by another generator (5 min)
+	$(BIN)/python -m bench.other
 
 bench-parts: $(VENV)/.dev ## one capture decoded by two processes, beside one (3 min)
 	$(BIN)/python -m bench.parts

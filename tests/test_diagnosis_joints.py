@@ -11,7 +11,7 @@ import pytest
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, polled
-from tests.streams import rs30x, wck
+from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,6 +80,30 @@ def test_a_joint_that_hangs_is_seen_by_who_looks_once_a_move(protocol: str) -> N
     slow = looked_at_once_a_move(protocol, lambda at, goal: (at + goal) / 2)
     assert not slow.incidents()
     assert not looked_at_once_a_move(protocol, lambda at, goal: goal).incidents()
+
+
+def told_now_and_then(protocol: str, place: Callable[[float], float]) -> set[str]:
+    """Return what is found of a joint that is told a goal each 1.9 s, on this side and on that.
+
+    ``place`` is where it is by its goal, half a second behind that.
+    """
+    talk = Conversation(protocol)
+    for move, goal in enumerate((0.5, 0.42, 0.7, 0.44, 0.6, 0.35, 0.62) * 2):
+        talk.until(1.9 * move)
+        talk.send(1, goal)
+        began = talk.now_s
+        while talk.now_s < 1.9 * move + 1.8:
+            talk.read(1, place(goal) if talk.now_s > began + 0.4 else 0.5)
+            talk.rest(60)
+    return codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_joint_that_hangs_between_goals_that_come_now_and_then_does_not_follow(
+    protocol: str,
+) -> None:
+    assert "joint-not-following" in told_now_and_then(protocol, lambda goal: 0.5)
+    assert not told_now_and_then(protocol, lambda goal: goal) & HANGS
 
 
 def loaded(load: Callable[[float], float]) -> Diagnosis:
@@ -312,3 +336,26 @@ def test_a_bare_answer_that_took_a_stray_for_its_first_byte_tells_no_load(
             )
             talk.rest(0.4)
     assert ("joint-stalled" in codes(talk.diagnosed())) == stalls
+
+
+def held_for_a_while(*, switched_on: float) -> Diagnosis:
+    """A mightyZAP joint that stands from 4 to 7 s, with its torque written at 0 s and once more."""
+    talk = Conversation("mightyzap")
+    on = mightyzap.packet(1, 0xF3, bytes((0x80, 1)))
+    talk.write(on)
+    at = 0.5
+    for cycle in range(480):
+        talk.until(cycle / 40)
+        if cycle == round(40 * switched_on):
+            talk.write(on)
+        goal = swinging(1, talk.now_s)
+        at = at if 4 <= talk.now_s < 7 else goal
+        talk.send(1, goal)
+        talk.read(1, at)
+    return talk.diagnosed()
+
+
+def test_a_joint_that_follows_again_though_nobody_switched_its_torque_on_was_blocked() -> None:
+    assert verdicts(held_for_a_while(switched_on=0.5).incidents()) == [("stall", (1,))]
+    # who is switched on again where it goes on may have been off
+    assert verdicts(held_for_a_while(switched_on=6.9).incidents()) == [("torque-off", (1,))]

@@ -78,10 +78,14 @@ def test_answers_that_begin_as_they_should_or_as_requests_do_are_not_torn_in_fro
     assert "first-byte-torn" in codes(spoken_into(b"1QD", 0.1).diagnosed())
 
 
-def limited(*, torn: int, writes: int) -> set[str]:
-    """Return what is found where a servo is told its limits so many times, beside torn requests."""
+def limited(*, torn: int, writes: int = 0, deg: int = 20, beyond: int = 0) -> set[str]:
+    """Return what is found where a servo is told its limits so many times, beside torn requests.
+
+    Where it is never told them they are read. ``beyond``: in how many cycles a goal is at 120
+    degrees; all others are within 96.
+    """
     talk, rng = Conversation("rs30x"), random.Random(5)
-    limits = (200).to_bytes(2, "little") + (-200).to_bytes(2, "little", signed=True)
+    limits = b"".join((sign * deg * 10).to_bytes(2, "little", signed=True) for sign in (1, -1))
     for cycle in range(200):
         talk.until(cycle / 20)
         for servo in (1, 2):
@@ -94,6 +98,11 @@ def limited(*, torn: int, writes: int) -> set[str]:
             talk.rest(20)
         if cycle % 10 == 7 and cycle < 10 * writes:
             talk.write(rs30x.write(1, 0x08, limits))
+        if not writes and not cycle:
+            talk.write(rs30x.packet(1, 0x0F, 0x08, 4, 0))
+            talk.say(rs30x.returned(1, 0x08, limits))
+        if cycle % 20 == 9 and cycle < 20 * beyond:
+            talk.write(rs30x.write(1, 0x1E, (1200).to_bytes(2, "little")))
     return codes(talk.diagnosed())
 
 
@@ -103,6 +112,12 @@ def test_limits_that_one_frame_writes_among_torn_ones_may_be_torn_themselves() -
 
 def test_limits_count_where_nothing_is_torn() -> None:
     assert "goal-beyond-limits" in limited(torn=0, writes=1)
+
+
+def test_one_goal_beyond_the_limits_among_torn_frames_may_be_torn_itself() -> None:
+    assert "goal-beyond-limits" not in limited(torn=8, deg=110, beyond=1)
+    assert "goal-beyond-limits" in limited(torn=8, deg=110, beyond=4)
+    assert "goal-beyond-limits" in limited(torn=0, deg=110, beyond=1)
 
 
 def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_together() -> None:

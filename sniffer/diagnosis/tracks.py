@@ -28,6 +28,9 @@ WINDOW_NS: Final = NS
 
 LOOKS: Final = 4
 
+GOALS: Final = 3
+"""Goals that pass over the place where a joint stands: what it does at one tells little."""
+
 SELDOM: Final = 3
 """A joint that is looked at so many times less often is seen where it rests, not on its way."""
 
@@ -121,6 +124,16 @@ class JointTrack:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
         return [one for one in out if not self._moves_elsewhere(one)]
 
+    def follows(self, since_ns: int) -> bool:
+        """Tell whether it is near its goals for the second that begins a second later."""
+        p = self.position
+        rows = np.flatnonzero((p.t_first > since_ns + LAG_NS) & (p.t <= since_ns + 3 * LAG_NS))
+        if not len(rows) or int(p.t[rows[-1]] - p.t_first[rows[0]]) < LAG_NS:
+            return False
+        low, high = in_force(self.goal, p.t[rows] - LAG_NS // 2, p.t[rows])
+        near = np.maximum(low - p.last[rows], p.last[rows] - high) <= self.far / 2
+        return bool(near.all()) and float(np.ptp(p.last[rows])) > self.far
+
     def _stays(self, since: I64, until: I64) -> Mask:
         """Tell whether it stood still from one row to another, whatever its goals did."""
         low, high = _extremes(self.position, since, until + 1)
@@ -210,7 +223,7 @@ class JointTrack:
         # goals that pass over the place where it hangs: slow ones, for fast ones nobody follows
         means = self._slow_goals
         # where it was when the goals began to move, which may have been looked at a little before
-        since = np.maximum(np.searchsorted(p.t, p.t - self._long_ns) - 1, 0)
+        since = np.maximum(np.searchsorted(p.t, self._goals_since) - 1, 0)
         low, high = _extremes(p, since, np.arange(len(p)) + 1)
         away |= (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
         return (away & (looks >= LOOKS - 1)) | self._is_away_at_looks
@@ -272,6 +285,20 @@ class JointTrack:
         return obeys
 
     @functools.cached_property
+    def _goals_since(self) -> I64:
+        """Since when goals are held against each row: for so long that there are some.
+
+        A program that states one each second or two moves on before a window of it is over.
+        """
+        p, g = self.position, self.goal
+        changed = g.t_first[g.step > 0]
+        if not len(changed):
+            return p.t - self._long_ns
+        latest = np.searchsorted(changed, p.t - LAG_NS // 2, "right") - 1
+        some = changed[np.maximum(latest - GOALS + 1, 0)]
+        return np.minimum(p.t - self._long_ns, np.maximum(some, p.t - GOALS * self._long_ns))
+
+    @functools.cached_property
     def _slow_goals(self) -> F64:
         """How far the goals of each window range, by the means of their buckets.
 
@@ -279,7 +306,7 @@ class JointTrack:
         """
         p, g = self.position, self.goal
         # What it was told before it was looked at, it may have done.
-        first = np.searchsorted(g.t, np.maximum(p.t - self._long_ns, p.t_first[0]))
+        first = np.searchsorted(g.t, np.maximum(self._goals_since, p.t_first[0]))
         behind = np.searchsorted(g.t, p.t - LAG_NS // 2, "right")
         low, high = _extremes(g, first, behind, g.mean, g.mean)
         return np.where(np.isfinite(low), high - low, 0.0)

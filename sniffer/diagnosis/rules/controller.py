@@ -137,7 +137,7 @@ def goal_limits(case: Case) -> Iterator[Finding]:
         low, high = limits
         spare = abs(unseen_scale(goals.register)) * 1.01
         rows = np.flatnonzero((goals.low < low - spare) | (goals.high > high + spare))
-        if not len(rows):
+        if not len(rows) or may_be_torn(case, len(rows)):
             continue
         over, under = float(goals.high[rows].max()), float(goals.low[rows].min())
         worst = over if over > high + spare else under

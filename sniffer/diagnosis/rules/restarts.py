@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.diagnosis.case import episodes, runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.joints import ALARMS
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.codes import MEASURED
 from sniffer.ground.model import NEVER_NS, NS
@@ -42,6 +43,12 @@ FINDINGS: Final = (
         "Nobody switches the torque of a servo on that has it off after power-on, and its joint stands still.",
         "Goals, none of which its joint follows, from the first look to the last; by the manual its torque is off after power-on, and no request here switches it on; no joint moves, or another one's torque was switched on here.",
         is_omission=True,
+    ),
+    FindingCode(
+        "follows-again",
+        "device",
+        "A joint that did not follow its goals follows them again, and nobody switched its torque on.",
+        "Its torque was switched on before, and never since; it is near its goals for a second behind a stretch in which it was not, and the servo did not complain.",
     ),
     FindingCode(
         "goals-without-torque",
@@ -259,6 +266,41 @@ def never_on(case: Case) -> Iterator[Finding]:
         )
 
 
+def went_on(case: Case) -> Iterator[Finding]:
+    """Find joints that follow again by themselves: who is without torque stays so until it is told."""
+    torque = [i for i, r in enumerate(case.protocol.registers) if r.quantity == "torque_enable"]
+    w, alarmed = case.writes, {int(i) for i in case.anomalies(*ALARMS).servo_id}
+    is_on = np.isin(w["register"], torque) & (w["high"] > 0)
+    for servo in case.servos:
+        registers = case.registers_of(servo, "torque_enable")
+        one = track(case, servo) if registers and servo not in alarmed else None
+        if one is None:
+            continue
+        # where a goal switches it on, a motor that is off is none that goals come to
+        mine = is_on & np.isin(w["servo_id"], [servo, *case.everyone])
+        if not mine.any():
+            continue
+        told_ns = int(w["t_last"][mine].max())
+        again = [a for a in one.away if told_ns < a.first_ns and one.follows(a.last_ns)]
+        if not again:
+            continue
+        yield Finding(
+            "follows-again",
+            servo,
+            again[0].last_ns,
+            again[-1].last_ns,
+            len(again),
+            f"{len(again)} times servo {servo} follows its goals again after it did not, and its "
+            "torque was not switched on meanwhile",
+            tuple(
+                Place(int(one.position.at[a.last]), 1, a.last_ns, "it follows again behind this")
+                for a in again[:3]
+            ),
+            brief=f"servo {servo} follows again by itself",
+            episodes=tuple((a.last_ns, a.last_ns) for a in again),
+        )
+
+
 def _went(one: JointTrack) -> bool:
     """Tell whether a joint ever moved by more than it gives."""
     return float(one.position.high.max() - one.position.low.min()) > one.far / 2
@@ -305,5 +347,5 @@ def limp_status(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (defaults, torque, never_on, limp_status)
+RULES: Final[tuple[Rule, ...]] = (defaults, torque, never_on, went_on, limp_status)
 """The rules of this file."""

@@ -1,0 +1,1 @@
+"""Another generator of conversations for the diagnosis: ``python -m bench.other``."""
