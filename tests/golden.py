@@ -11,9 +11,9 @@ import hashlib
 import io
 from pathlib import Path
 
+from sniffer.anomalies import catalogue
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.diagnosis import causes, rules, weights
-from sniffer.diagnostics import catalogue
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 

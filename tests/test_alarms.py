@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sniffer.anomalies.alarms import OPERATORS, Alarm, alarm_in, quantities, refusal
 from sniffer.decoding.decoder import Decoder
-from sniffer.diagnostics.alarms import OPERATORS, Alarm, alarm_in, quantities, refusal
 from sniffer.ground.model import NS, Anomaly, Chunk, Clock, InputError
 from sniffer.protocols import PROTOCOLS
 from tests.commands import log, records, sniffer, talk, within

@@ -37,7 +37,7 @@ FLOORS: Final = tuple(
 
 FACE: Final = "cli"
 
-CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merging", "signals")
+CORE: Final = ("ground", "protocols", "anomalies", "decoding", "diagnosis", "merging", "signals")
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 ONLY: Final[Mapping[str, tuple[str, ...]]] = {

@@ -19,10 +19,10 @@ from bench.diagnosis.line import Bench
 from bench.diagnosis.report import GUIDE, MEASURED, RESULTS, STATED, report
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.uart import BITS, HIGH, LOW, Burst, Clash, Pulse, Receiver, line
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import NS, Chunk, MarkKind
 from tests.lists import each_in_turn
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import InputError
 from sniffer.jobs.explain import read_hex
 from sniffer.jobs.meanings import known_names

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sniffer
+from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.parting import Slicer, Span, sliced
-from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.model import Batch, Chunk, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.source import session

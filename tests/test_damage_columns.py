@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer import Chunk, Decoder
-from sniffer.diagnostics.found import CODES, NUMBER, Anomalies
-from sniffer.diagnostics.rules import anomaly, gap_anomalies
+from sniffer.anomalies.found import CODES, NUMBER, Anomalies
+from sniffer.anomalies.rules import anomaly, gap_anomalies
 from sniffer.ground.gaps import IDLE_TAIL, REASONS, Gaps
 from sniffer.ground.model import Batch, Gap
 from sniffer.protocols import PROTOCOLS

@@ -6,10 +6,10 @@ from collections import Counter
 
 import pytest
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.weights import LINES, WEIGHTS
-from sniffer.diagnostics.catalogue import CATALOGUE
 
 
 @pytest.mark.parametrize("slug", CAUSES)

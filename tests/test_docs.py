@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import sniffer
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
 from sniffer.decoding.summary import Summary
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Frames, Samples, Transactions
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks import SINKS

@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import sniffer
+from sniffer.anomalies.alarms import alarm_in
 from sniffer.cli.fleet import Progress
 from sniffer.decoding.options import Options
-from sniffer.diagnostics.alarms import alarm_in
 from sniffer.fleet import tables as fleet_tables
 from sniffer.fleet import task as fleet_task
 from sniffer.fleet.dataset import CAPTURES

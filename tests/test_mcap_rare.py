@@ -10,9 +10,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from sniffer.anomalies.rules import anomaly
 from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.decoder import Decoder
-from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.model import NS, Anomaly, Chunk
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
 from sniffer.mcapfile.rare import anomaly_messages, gap_messages, log_messages

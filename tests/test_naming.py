@@ -28,7 +28,7 @@ COMMAND: Final = re.compile(r"`[^`]*`|sniffer \w+ [^;]*")
 FIELD: Final = re.compile(r"\{([a-z_|]+)(?::([^{}]*))?\}")
 
 OTHERS: Final = (
-    "diagnostics/",  # the catalogue is a page about the commands; details are a contract
+    "anomalies/",  # the catalogue is a page about the commands; details are a contract
     "viewers/viewer.py",  # options of the Rerun viewer, a program of its own
     "viewers/companion/child.py",
     "ground/naming.py",  # what the command line calls arguments

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sniffer.anomalies.alarms import alarm_in
 from sniffer.decoding.mixed import decoder_of, parts_of
 from sniffer.decoding.names import protocols_named
-from sniffer.diagnostics.alarms import alarm_in
 from sniffer.ground.memory import Remembering, plain
 from sniffer.ground.model import Chunk, Mark, MarkKind, SnifferError
 from sniffer.ground.timing import byte_time_ns
@@ -28,10 +28,10 @@ from tests.streams import bursts, chunked, stream
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
     from sniffer.decoding.state import DecoderState
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.model import Batch
 
 NAMES: Final = [*PROTOCOLS, "mightyzap+rs30x"]
@@ -195,7 +195,7 @@ def _attributes(thing: object, path: str) -> Iterator[tuple[str, object]]:
 
 
 def _is_ours(value: object) -> bool:
-    return type(value).__module__.startswith(("sniffer.decoding", "sniffer.diagnostics")) or (
+    return type(value).__module__.startswith(("sniffer.decoding", "sniffer.anomalies")) or (
         isinstance(value, Remembering)
     )
 

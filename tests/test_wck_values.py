@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.wck.grammar import OPS, build

@@ -22,9 +22,9 @@ from sniffer.protocols import PROTOCOLS
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.called import Named
     from sniffer.decoding.options import Options
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
 
     _Name = click.ParamType[str]

@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 import click
 
+from sniffer.anomalies.alarms import Alarm
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
 from sniffer.cli.joints import with_ros2
 from sniffer.cli.options import (
@@ -31,7 +32,6 @@ from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.waits import commands_on, waited_for
 from sniffer.decoding.called import Named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.naming import worded

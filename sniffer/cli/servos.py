@@ -15,8 +15,8 @@ from sniffer.ground.registers import RegisterMap
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.called import Named
-    from sniffer.diagnostics.alarms import Alarm
 
 
 def ids_in(words: Iterable[str]) -> tuple[int, ...]:
@@ -127,7 +127,7 @@ def alarms_of(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[Alarm, ...]:
     """Read ``--alarm 'temperature > 70 for 2s'``."""
-    from sniffer.diagnostics.alarms import alarm_in
+    from sniffer.anomalies.alarms import alarm_in
 
     try:
         return tuple(map(alarm_in, given))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnostics.learned import Change
+from sniffer.anomalies.learned import Change
 from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
 from sniffer.ground.memory import Remembering

@@ -3,7 +3,7 @@
 Bytes and times in, records out; no port, file, clock, thread or log in here. A block is cut where
 nothing is open: before the last request that may still be answered, or the last undecided bytes.
 The rest is framed again next time. Beside these bytes only the arrival stamps, the mode registers
-and what diagnostics remembers about each servo are carried over.
+and what the rules of anomalies remember about each servo are carried over.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sniffer.anomalies import AnomalyRules
 from sniffer.decoding.edges import LeftOpen
 from sniffer.decoding.expectations import Expectations
 from sniffer.decoding.holes import holes_of, mark_tail, surveyed
@@ -21,7 +22,6 @@ from sniffer.decoding.met import Met, empty_batch
 from sniffer.decoding.pairing import Pairing
 from sniffer.decoding.state import DecoderState
 from sniffer.decoding.values import Scaling
-from sniffer.diagnostics import Diagnostics
 from sniffer.ground.codes import NEVER, REQUEST
 from sniffer.ground.framing import Block
 from sniffer.ground.gaps import Gaps
@@ -58,8 +58,8 @@ from sniffer.protocols.explaining import Surveyor
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.pairing import Paired
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
 
 
@@ -88,7 +88,7 @@ class Decoder(Remembering):
     """
 
     PASSING = ("_buffer", "_base", "_now_ns", "_barriers", "_asked_until")
-    PARTS = ("_remarks", "_stamps", "_pairing", "_expectations", "_scaling", "_diagnostics")
+    PARTS = ("_remarks", "_stamps", "_pairing", "_expectations", "_scaling", "_anomaly_rules")
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class Decoder(Remembering):
         self._pairing = Pairing(self.protocol)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
-        self._diagnostics = Diagnostics(self.protocol, alarms=alarms, is_alone=is_alone)
+        self._anomaly_rules = AnomalyRules(self.protocol, alarms=alarms, is_alone=is_alone)
         if state is not None:
             self.remember(state.of(self.name))
 
@@ -217,8 +217,8 @@ class Decoder(Remembering):
         return not self._stamps.silent_since(self._now_ns)
 
     def finish(self, batch: Batch) -> Batch:
-        """Return the last batch with what diagnostics held back until the end."""
-        return self._diagnostics.finish(batch)
+        """Return the last batch with what the rules of anomalies held back until the end."""
+        return self._anomaly_rules.finish(batch)
 
     @property
     def pending(self) -> int:
@@ -242,7 +242,7 @@ class Decoder(Remembering):
     def nothing(self) -> Batch:
         """Return no bytes, with what has been remarked between those before and those to come."""
         batch = empty_batch(self._base, self._stamps.clock, self._remarks.until(self._base))
-        return self._diagnostics.judge(batch) if batch.remarks else batch
+        return self._anomaly_rules.judge(batch) if batch.remarks else batch
 
     def _decode(self, *, final: bool, is_cut: bool = False) -> Batch:
         if not self._buffer:
@@ -350,7 +350,7 @@ class Decoder(Remembering):
             values=meaning.samples,
             models=self._scaling.models(paired.frames),
         )
-        return self._diagnostics.judge(batch, meaning)
+        return self._anomaly_rules.judge(batch, meaning)
 
     def _cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> tuple[int, int]:
         """Return where this batch ends, and how many frames that are: nothing before it is open."""

@@ -23,8 +23,8 @@ from sniffer.ground.model import ECHO
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.anomalies.learned import FeedbackWrite
     from sniffer.decoding.pairing import Paired
-    from sniffer.diagnostics.learned import FeedbackWrite
     from sniffer.ground.model import I64, U8, Frames, Mask, Transactions
 
 

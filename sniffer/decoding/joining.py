@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.found import Anomalies
+from sniffer.anomalies.found import Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import Batch, Frames, Samples, Transactions
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
+from sniffer.anomalies import WireRules
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import Scores
 from sniffer.decoding.dividing import divide
@@ -28,7 +29,6 @@ from sniffer.decoding.holes import holes_of, mark_tail
 from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
 from sniffer.decoding.state import DecoderState
-from sniffer.diagnostics import WireRules
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
@@ -39,9 +39,9 @@ from sniffer.ground.wording import offered
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.met import Met
     from sniffer.decoding.sink import Part
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.runs import ChunkRun
     from sniffer.protocols.base import BusProtocol
 

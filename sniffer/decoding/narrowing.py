@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.found import Anomalies
+from sniffer.anomalies.found import Anomalies
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,10 +6,10 @@ import contextlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.alarms import alarm_in, refusal
 from sniffer.decoding.called import ServoNames, names_in, overlaid
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.diagnostics.alarms import alarm_in, refusal
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
 from sniffer.ground.wiring import Wiring
@@ -21,8 +21,8 @@ from sniffer.protocols.tables import check_tables, known_models, owner_of, with_
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.called import Named
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
 

@@ -7,6 +7,7 @@ import functools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.alarms import refusal
 from sniffer.decoding.detect import (
     CLEAR,
     ENOUGH,
@@ -25,7 +26,6 @@ from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.rates import Late
 from sniffer.decoding.sink import Paced, Tuned, act, closed, introduced, taken, written
 from sniffer.decoding.summary import Summary
-from sniffer.diagnostics.alarms import refusal
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.runs import ChunkRun, by_bus
 from sniffer.ground.timing import LATENCY_NS

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.fields import frame_fields, tidy, value_ranges
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
 from sniffer.ground.model import (
     ECHO,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.found import Anomalies
+from sniffer.anomalies.found import Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import NS, Mask
 

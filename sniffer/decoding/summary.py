@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.names import AND
-from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps

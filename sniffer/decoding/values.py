@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.anomalies.evidence import loose_counts
+from sniffer.anomalies.learned import FeedbackWrite, Meaning, ScaleMisfit
 from sniffer.decoding.changes import EVERY, FEEDBACK, RESET, SET, Changes, new_id
 from sniffer.decoding.weighing import Weighing
-from sniffer.diagnostics.evidence import loose_counts
-from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
 from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE, REQUEST, WHOLE
 from sniffer.ground.columns import UNSEEN, columns_of
 from sniffer.ground.distinct import numbers
@@ -38,8 +38,8 @@ from sniffer.protocols.base import BusProtocol, State, Turn, Values
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from sniffer.anomalies.learned import Change
     from sniffer.decoding.pairing import Paired
-    from sniffer.diagnostics.learned import Change
     from sniffer.ground.framing import Block
 
 

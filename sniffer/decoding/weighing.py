@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.evidence import Evidence
+from sniffer.anomalies.learned import MetClue, Told
 from sniffer.decoding.changes import new_id
-from sniffer.diagnostics.evidence import Evidence
-from sniffer.diagnostics.learned import MetClue, Told
 from sniffer.ground.codes import REQUEST
 from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.diagnostics.learned import Change
+    from sniffer.anomalies.learned import Change
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I64, Frames, Mask
     from sniffer.protocols.base import BusProtocol, Sightings, State, Turn

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES, DELAY
 from sniffer.diagnosis.rules import FINDINGS
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES, NUMBER
 from sniffer.diagnosis.buckets import BUCKET_NS
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
 from sniffer.diagnosis.steps import MILLI
-from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES, Anomalies
 from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.damage import Damages
@@ -30,7 +31,6 @@ from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import MILLI, Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
-from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
     MEASURED,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.rules.symptoms import MISSING, SILENT
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:

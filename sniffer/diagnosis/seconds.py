@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnostics.found import NUMBER
+from sniffer.anomalies.found import NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.anomalies.found import Anomalies
     from sniffer.diagnosis.likes import Likes, RequestBefore
-    from sniffer.diagnostics.found import Anomalies
     from sniffer.ground.model import Batch
 
 KEPT: Final = 1000

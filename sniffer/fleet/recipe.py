@@ -12,9 +12,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.anomalies.alarms import alarm_in
 from sniffer.decoding.names import AND, apart
 from sniffer.decoding.options import Options
-from sniffer.diagnostics.alarms import alarm_in
 from sniffer.ground.model import SnifferError
 from sniffer.ground.registers import RegisterMap, schema_path
 from sniffer.ground.wiring import Wiring

@@ -52,7 +52,7 @@ FOUND: Final = np.dtype(
     ]
 )
 """An anomaly: its time, the line of its first piece of evidence, where the rest of it is, its code
-(``diagnostics.found.CODES``), servo (-1) and severity + 1."""
+(``anomalies.found.CODES``), servo (-1) and severity + 1."""
 
 GAP: Final = 2
 """``kind`` of bytes that no frame claims; below it are ``codes.Kind``."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.drawing import draw_frame, draw_gap
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.inside.columns import GAP
 from sniffer.inside.places import like_before
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.found import CODES
+from sniffer.anomalies.found import CODES
 from sniffer.ground.codes import NO_RESPONSE, REQUEST, RESPONSE
 from sniffer.ground.model import NS
 from sniffer.inside.columns import GAP

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES
 from sniffer.decoding.called import ServoNames
-from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import KINDS, OUTCOMES
 from sniffer.ground.model import InputError, Severity
 from sniffer.ground.wording import nearly, offered

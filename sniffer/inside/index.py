@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import SEVERITY, Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.sink import bus_of
-from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NOT_EXPECTED, OK
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
 from sniffer.inside.columns import ERROR, FOUND, GAP, LINE, NO_FINDING, NO_OUTCOME, WARN, Growing

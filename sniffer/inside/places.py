@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnostics.found import CODES, SEVERITY
+from sniffer.anomalies.found import CODES, SEVERITY
 from sniffer.ground.model import InputError
 from sniffer.selection.places import END, FOUND, CapturePlace, ambiguous, place_in
 

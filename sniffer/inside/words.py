@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnostics.found import CODES
+from sniffer.anomalies.found import CODES
 from sniffer.ground.codes import NO_RESPONSE, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import plain, sums_in_words

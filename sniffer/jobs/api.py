@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from sniffer.anomalies.alarms import alarm_in
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.decoding.rows import Row, rows, rows_of
-from sniffer.diagnostics.alarms import alarm_in
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.needs import need_pyarrow

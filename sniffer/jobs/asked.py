@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
-from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence

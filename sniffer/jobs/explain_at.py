@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_

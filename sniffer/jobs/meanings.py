@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.weights import LINES
-from sniffer.diagnostics.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
-from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from sniffer.diagnostics.found import CODES, GROUP, NUMBER, SEVERITY, Anomalies
+from sniffer.anomalies.found import CODES, GROUP, NUMBER, SEVERITY, Anomalies
 from sniffer.ground.model import NS
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES, named
 from sniffer.mcapfile.varints import key, sized, varint
@@ -24,8 +24,8 @@ from sniffer.messages.recording_pb2 import Anomaly, Gap
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from sniffer.anomalies.found import Told
     from sniffer.decoding.called import ServoNames
-    from sniffer.diagnostics.found import Told
     from sniffer.ground import model
     from sniffer.ground.model import Batch
 

@@ -13,8 +13,8 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import MS, Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import rules as r

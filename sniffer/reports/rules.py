@@ -13,10 +13,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.called import is_name
 from sniffer.decoding.durations import FIGURES
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError, Severity, SnifferError
 from sniffer.ground.toml import text_of

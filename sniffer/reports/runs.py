@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
-from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
 from sniffer.ground.model import MS, NS, Severity
 from sniffer.mcapfile.fields import field_name, state_field

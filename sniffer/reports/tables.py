@@ -6,9 +6,9 @@ from collections import Counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.model import Clock, Severity
 from sniffer.ground.wording import counted, one_line

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.called import SERVO_NAME, ServoNames
 from sniffer.decoding.fields import tidied
-from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES
 from sniffer.ground.distinct import FEW, distinct
 from sniffer.ground.gaps import REASONS, Gaps

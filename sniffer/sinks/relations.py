@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.found import CODES, Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
-from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps

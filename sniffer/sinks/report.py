@@ -12,11 +12,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.streams import UNFOLDED
 from sniffer.ground.wording import and_, counted, plain, short

@@ -41,7 +41,7 @@ WRITTEN: Final = 5
 
 WARM: Final = 1 << 18
 """Payload that a part decodes before its own, in bytes: by then it knows what is under way. Answers
-are late for requests that are half as far behind at most (``diagnostics.answers``)."""
+are late for requests that are half as far behind at most (``anomalies.answers``)."""
 
 
 class FileStretch(Protocol):

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.found import SEVERITY, Anomalies
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.pairing import unasked
 from sniffer.decoding.sink import bus_of
-from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNSOLICITED, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps

@@ -1,4 +1,4 @@
-"""How long servos met rules of the user's own (``diagnostics/alarms.py``), within bounds.
+"""How long servos met rules of the user's own (``anomalies/alarms.py``), within bounds.
 
 Nobody knows when between two values a limit was crossed. So a time is counted at least from the
 first to the last value of a run that meets the rule, at most from the value before to the one
@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.diagnostics.alarms import OPERATORS, meant
-from sniffer.diagnostics.thresholds import ThresholdWatch, taken, usable
+from sniffer.anomalies.alarms import OPERATORS, meant
+from sniffer.anomalies.thresholds import ThresholdWatch, taken, usable
 from sniffer.ground.distinct import distinct
 from sniffer.statistics.figures import Extreme
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.diagnostics.alarms import Alarm, Meant
-    from sniffer.diagnostics.thresholds import JudgedValues
+    from sniffer.anomalies.alarms import Alarm, Meant
+    from sniffer.anomalies.thresholds import JudgedValues
     from sniffer.ground.model import Batch, Mask
     from sniffer.protocols.base import BusProtocol
 

@@ -21,8 +21,8 @@ from sniffer.statistics.troubles import TroubleBook
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.pacing import Pace
-    from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 

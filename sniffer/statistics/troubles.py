@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.distinct import distinct
 
 if TYPE_CHECKING:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.anomalies.found import SEVERITY, Anomalies
 from sniffer.decoding.joining import joined, runs
 from sniffer.diagnosis.diagnosis import Diagnosis
 from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.tracking import Tracker
-from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:

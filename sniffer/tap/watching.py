@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.alarms import Alarm, alarm_in, is_alarm
+from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.found import CODES, NUMBER, Anomalies
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.tracking import Stage
-from sniffer.diagnostics.alarms import Alarm, alarm_in, is_alarm
-from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import CODES, NUMBER, Anomalies
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import NS, InputError, Severity
 

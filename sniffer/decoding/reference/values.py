@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.evidence import Evidence, loose_counts
+from sniffer.anomalies.evidence import Evidence, loose_counts
 from sniffer.ground.clues import Clues
 from sniffer.ground.codes import ASSUMED, OBSERVED, REQUEST, WHOLE
 from sniffer.ground.model import ECHO, RELEASES, RESETS, STAGED

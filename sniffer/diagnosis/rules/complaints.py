@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
@@ -16,7 +17,6 @@ from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
 from sniffer.diagnosis.tracks import in_force, track
 from sniffer.diagnosis.twins import torn_by_twins, twins
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS

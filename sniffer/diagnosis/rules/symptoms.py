@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.complaints import COMPLAINTS
 from sniffer.diagnosis.twins import twins
-from sniffer.diagnostics.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

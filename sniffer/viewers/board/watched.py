@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import meant
-from sniffer.diagnostics.found import Anomalies
 from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.selection.selection import Selection

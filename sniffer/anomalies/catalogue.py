@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.diagnostics.alarms import ALARM_CODES
-from sniffer.diagnostics.tap import TAP_CODES
+from sniffer.anomalies.alarms import ALARM_CODES
+from sniffer.anomalies.tap import TAP_CODES
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:

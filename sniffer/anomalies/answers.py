@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnostics.ambiguous import Ambiguity, Missed, Open, Span
-from sniffer.diagnostics.found import NUMBER, Anomalies
+from sniffer.anomalies.ambiguous import Ambiguity, Missed, Open, Span
+from sniffer.anomalies.found import NUMBER, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
     MISMATCHED,
@@ -25,7 +25,7 @@ from sniffer.ground.model import ANY_ID, DEPTH
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.diagnostics.found import Told
+    from sniffer.anomalies.found import Told
     from sniffer.ground.model import I64, U8, Batch
     from sniffer.protocols.base import BusProtocol
 

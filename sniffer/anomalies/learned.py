@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.diagnostics.evidence import Verdict
+    from sniffer.anomalies.evidence import Verdict
     from sniffer.ground.clues import Clue
     from sniffer.ground.model import Samples
     from sniffer.protocols.base import Extremes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnostics.rules import anomaly
+from sniffer.anomalies.rules import anomaly
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import numbers
 from sniffer.ground.memory import Remembering

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.diagnostics.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
-from sniffer.diagnostics.rules import anomaly
+from sniffer.anomalies.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
+from sniffer.anomalies.rules import anomaly
 from sniffer.ground.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
 from sniffer.ground.memory import Remembering
 from sniffer.ground.registers import unseen_scale
@@ -13,7 +13,7 @@ from sniffer.ground.registers import unseen_scale
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.diagnostics.learned import Meaning, MetClue, ScaleMisfit, Told
+    from sniffer.anomalies.learned import Meaning, MetClue, ScaleMisfit, Told
     from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnostics.alarms import OPERATORS, meant
-from sniffer.diagnostics.rules import anomaly
+from sniffer.anomalies.alarms import OPERATORS, meant
+from sniffer.anomalies.rules import anomaly
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.memory import Remembering
@@ -24,7 +24,7 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.diagnostics.alarms import Alarm, Meant
+    from sniffer.anomalies.alarms import Alarm, Meant
     from sniffer.ground.model import F64, I64, Anomaly, Batch, Mask
     from sniffer.protocols.base import BusProtocol
 

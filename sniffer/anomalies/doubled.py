@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnostics.found import Anomalies
-from sniffer.diagnostics.rules import anomaly
+from sniffer.anomalies.found import Anomalies
+from sniffer.anomalies.rules import anomaly
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.memory import Remembering

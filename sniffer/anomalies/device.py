@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.edges import Edges
-from sniffer.diagnostics.found import NONE, NUMBER, Anomalies
-from sniffer.diagnostics.rules import anomaly, of_frames
+from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.edges import Edges
+from sniffer.anomalies.found import NONE, NUMBER, Anomalies
+from sniffer.anomalies.rules import anomaly, of_frames
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
 from sniffer.ground.memory import Remembering
@@ -17,7 +17,7 @@ from sniffer.ground.memory import Remembering
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from sniffer.diagnostics.learned import Change, Meaning
+    from sniffer.anomalies.learned import Change, Meaning
     from sniffer.ground.model import I16, I64, Anomaly, Batch, Mask, Samples
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol, Extremes

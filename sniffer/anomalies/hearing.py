@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnostics.found import NUMBER, Anomalies
-from sniffer.diagnostics.rules import anomaly
+from sniffer.anomalies.found import NUMBER, Anomalies
+from sniffer.anomalies.rules import anomaly
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.gaps import BLANK, NOISE, Gaps

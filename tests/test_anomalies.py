@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
-from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Severity
 from tests.streams.mightyzap import packet
 
@@ -165,7 +165,7 @@ def test_a_clock_that_steps_back_is_noted() -> None:
 
 
 def test_every_device_name_a_protocol_can_report_stands_in_the_catalogue() -> None:
-    from sniffer.diagnostics.device import device_code
+    from sniffer.anomalies.device import device_code
     from sniffer.protocols import PROTOCOLS
 
     for protocol in PROTOCOLS.values():

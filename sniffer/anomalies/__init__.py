@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.diagnostics.answers import PairingRules
-from sniffer.diagnostics.device import DeviceRules
-from sniffer.diagnostics.doubled import DoubledAnswers
-from sniffer.diagnostics.found import Anomalies
-from sniffer.diagnostics.hearing import Hearing
-from sniffer.diagnostics.models import ModelRules
-from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
-from sniffer.diagnostics.tap import TORN_OFF, TapRules, without_our_fault
-from sniffer.diagnostics.thresholds import AlarmRules
+from sniffer.anomalies.answers import PairingRules
+from sniffer.anomalies.device import DeviceRules
+from sniffer.anomalies.doubled import DoubledAnswers
+from sniffer.anomalies.found import Anomalies
+from sniffer.anomalies.hearing import Hearing
+from sniffer.anomalies.models import ModelRules
+from sniffer.anomalies.rules import CaptureRules, gap_anomalies, protocol_anomalies
+from sniffer.anomalies.tap import TORN_OFF, TapRules, without_our_fault
+from sniffer.anomalies.thresholds import AlarmRules
 from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.diagnostics.alarms import Alarm
-    from sniffer.diagnostics.learned import Meaning
+    from sniffer.anomalies.alarms import Alarm
+    from sniffer.anomalies.learned import Meaning
     from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
@@ -46,7 +46,7 @@ class WireRules(Remembering):
         return [*self._capture.judge(batch), *self._tap.judge(batch)]
 
 
-class Diagnostics(Remembering):
+class AnomalyRules(Remembering):
     """Runs all rules over batch after batch of one bus.
 
     ``alarms`` are rules of the user's own. ``is_alone``: no other protocol is on the wire, so that

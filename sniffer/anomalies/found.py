@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.ground.gaps import Lazy
 from sniffer.ground.model import Anomaly
 

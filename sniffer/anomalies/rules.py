@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import NONE, NUMBER, Anomalies
+from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.found import NONE, NUMBER, Anomalies
 from sniffer.ground import gaps
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.memory import Remembering
@@ -27,7 +27,7 @@ from sniffer.ground.model import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from sniffer.diagnostics.found import Told
+    from sniffer.anomalies.found import Told
     from sniffer.ground.model import I16, I64
     from sniffer.protocols.base import BusProtocol
 
