@@ -43,7 +43,7 @@ FINDINGS: Final = (
         "torn-when-none-due",
         "line",
         "Requests are torn right behind answers, when no answer is due.",
-        "Three of them and more, one in ten of all torn requests and answers, of which more than the last byte is torn, and no second answer of one id does it.",
+        "Three of them and more, one in ten of all torn requests and answers, that begin as one and of which more than the last byte is torn, and no second answer of one id does it.",
     ),
     FindingCode(
         "streams-apart",
@@ -220,12 +220,15 @@ def when_none_due(case: Case) -> Iterator[Finding]:
     """Find requests that are torn when nobody owes an answer.
 
     Who does not wait tears none of these; a driver that lets go too early, their last bytes only.
+    They begin as requests do: the rest of one whose beginning lies under an answer came before it
+    was over.
     """
+    known = case.ledger.exchanges.kinds.requests
     unowed = [
         m.damage
         for m in case.misreads
         if m.damage.turn == IN_REQUEST and m.damage.behind == RESPONSE
-        if not may_be_cut(m) and not of_twins(case, m.damage)
+        if not may_be_cut(m) and not of_twins(case, m.damage) and _begun(case, m.damage, known)
     ]
     if len(unowed) >= max(ENOUGH, UNOWED * len(case.misreads)):
         yield finding_of(

@@ -99,7 +99,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             "two clocks drift through each other, and frames are torn as they meet",
         ),
         ("requests-spoken-into", 2.0, "somebody speaks into requests, and servos do not"),
-        ("torn-when-none-due", 0.5, "another one asks when no answer is due"),
+        ("torn-when-none-due", 0.1, "another one asks when no answer is due"),
         ("gives-up-early", -2.0, "another one's requests come after any time"),
         ("damage-in-answers", 0.3, "answers are spoken into"),
         ("last-byte-torn", 0.1, "another request begins within the last byte"),
