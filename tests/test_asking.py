@@ -125,20 +125,6 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         assert (asked["from_ns"], asked["to_ns"]) == (middle - 200_000_000, middle + 200_000_000)
 
 
-def test_a_place_may_be_so_long_before_or_behind_what_is_found(
-    whole: list[dict[str, Any]], capsys: Capsys
-) -> None:
-    third = [row for row in whole if row.get("code") == "no-response"][2]["t_ns"]
-    asked = told(capsys, "--from", "@no-response:3-100ms", "--to", "@no-response:3+.5s")[-1]
-    ends = (asked["selection"]["from_ns"], asked["selection"]["to_ns"])
-    assert ends == (third - 100_000_000, third + 500_000_000)
-    drawn = within(capsys, "explain", f"{CAPTURE}@no-response:3+20ms").out
-    at = [r for r in whole if r["type"] in ("frame", "gap") and r["t_ns"] >= third + 20_000_000]
-    assert f"byte {at[0]['offset']} of bus0" in drawn
-    for wrong in ("@no-response:3-100", "@no-response-1x", "@first-error--1s"):
-        assert within(capsys, "decode", CAPTURE, "--from", wrong).status == 2
-
-
 @pytest.mark.parametrize(
     ("options", "where", "servo"),
     [

@@ -52,3 +52,18 @@ def test_what_is_said_from_a_time_on_is_explained(capsys: Capsys) -> None:
         assert head.partition(":")[0] == f"{CAPTURE}, byte {first['offset']} of bus0"
     over = within(capsys, "explain", f"{CAPTURE}@1h")
     assert (over.status, over.complaint) == (2, "1h: nothing was said from there on")
+
+
+def test_a_place_may_be_so_long_before_or_behind_what_is_found(
+    capsys: Capsys,
+) -> None:
+    whole = told(capsys)
+    third = [row for row in whole if row.get("code") == "no-response"][2]["t_ns"]
+    asked = told(capsys, "--from", "@no-response:3-100ms", "--to", "@no-response:3+.5s")[-1]
+    ends = (asked["selection"]["from_ns"], asked["selection"]["to_ns"])
+    assert ends == (third - 100_000_000, third + 500_000_000)
+    drawn = within(capsys, "explain", f"{CAPTURE}@no-response:3+20ms").out
+    at = [r for r in whole if r["type"] in ("frame", "gap") and r["t_ns"] >= third + 20_000_000]
+    assert f"byte {at[0]['offset']} of bus0" in drawn
+    for wrong in ("@no-response:3-100", "@no-response-1x", "@first-error--1s"):
+        assert within(capsys, "decode", CAPTURE, "--from", wrong).status == 2

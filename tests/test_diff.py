@@ -25,9 +25,6 @@ from tests.commands import within
 from tests.recordings import START_NS
 from tests.streams.mightyzap import packet
 from tests.test_rerun import read
-from tests.test_stats_goals import goal
-from tests.test_stats_lag import follows
-from tests.test_stats_starts import polled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -401,30 +398,3 @@ def test_a_long_series_is_thinned_evenly_however_it_comes(sizes: list[int]) -> N
     if len(kept) > 1:
         step = int(kept[1] - kept[0])
         assert kept.tolist() == list(range(0, at, step))
-
-
-def steps_late(late: int) -> list[Chunk]:
-    """Return steps from rest of a joint that begins to move so many polls of 10 ms later."""
-    told, t, where = polled(0, [3000] * 30), 0.0, 3000
-    for step in range(12):
-        t, aim = t + 320, 3000 if step % 2 else 1000
-        told += [*goal(t, aim), *polled(t + 10, [where] * late + [aim] * (29 - late))]
-        where = aim
-    return told
-
-
-@pytest.mark.parametrize("name", ["first_motion", "lag"])
-def test_how_late_servos_are_is_compared(name: str, capsys: Capsys, tmp_path: Path) -> None:
-    a, b = tmp_path / "a.log", tmp_path / "b.log"
-    for path, late in ((a, 2), (b, 8)):
-        told = follows(10.0 * late, 14.0) if name == "lag" else steps_late(late)
-        file = LogFile(path)
-        file.take([Chunk(c.data, (c.t_ns or 0) + START_NS, Clock.FILE) for c in told])
-        file.close()
-    status, both = compared(capsys, a, b, "--baud", "57600")
-    assert status == 1
-    one = next(d for d in both["differences"] if (d["about"], d["name"]) == ("motion", name))
-    assert one["effect"] == 1
-    assert min(one["a"]["n"], one["b"]["n"]) >= 12
-    assert one["b"]["median"] - one["a"]["median"] == pytest.approx(60, abs=6)
-    assert compared(capsys, a, a, "--baud", "57600")[0] == 0

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import jsonschema
 import pytest
-from pyarrow import parquet
 
 from sniffer.ground.registers import schema_path
 from tests.commands import sniffer
@@ -348,57 +347,12 @@ def test_two_runs_are_compared_for_a_servo_by_its_name(tmp_path: Path) -> None:
     assert done.status == 0, done.err
 
 
-def test_records_have_a_name_behind_the_id_where_there_is_one_and_nothing_else_is_new(
-    both: Path, tmp_path: Path
-) -> None:
-    known = {("arm", 1): LONG, ("arm", 2): "wrist", ("leg", 2): "ankle"}
-    met = set()
-    for line in sniffer("decode", both, "--format", "jsonl", "--to", "2").out.splitlines():
-        record = json.loads(line)
-        who = record.get("bus"), record.get("servo_id")
-        named = known.get(who) if record["type"] != "gap" else None
-        assert record.get("servo_name") == named
-        if named is not None:
-            keys = list(record)
-            assert keys[keys.index("servo_id") + 1] == "servo_name"
-            met.add((record["type"], *who))
-    assert {kind for kind, *_ in met} == {"frame", "sample", "transaction", "anomaly"}
-    assert {(bus, servo) for _, bus, servo in met} == set(known)
-    name = 'a "b" \\ é'
-    told, plain = tmp_path / "told.jsonl", sniffer("decode", DAMAGED, "--format", "jsonl").out
-    assert sniffer("decode", DAMAGED, "-q", "--name", f"3={name}", "-o", told).status == 0
-    lines = told.read_text(encoding="utf-8")
-    assert lines.count(name_key := f',"servo_name":{json.dumps(name, ensure_ascii=False)}') > 1000
-    assert lines.replace(name_key, "") == plain
-    again = sniffer("decode", told, "--summary").out
-    assert "1448 frames" in again
-
-
 def test_a_drawing_names_the_servo_as_it_is_told_now(both: Path) -> None:
     told = ("--name", "0=left_knee", "--name", "arm:1=hand")
     assert ", servo 0 left_knee\n" in sniffer("explain", "FFFFFF0002F10C", *told).out
     drawn = sniffer("explain", f"{both}@first-error:servo=1", *told).out
     assert "servo 1 hand" in drawn
     assert LONG not in drawn
-
-
-def test_tables_have_a_column_of_names_where_they_are_known(both: Path, tmp_path: Path) -> None:
-    known = {("arm", "1"): LONG, ("arm", "2"): "wrist", ("leg", "2"): "ankle"}
-    table, packed = tmp_path / "x.csv", tmp_path / "x.parquet"
-    assert sniffer("convert", both, table, packed, "-q", "--to", "2").status == 0
-    for path in (table, tmp_path / "x.frames.csv"):
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-        assert {(r["bus"], r["servo_id"]) for r in rows if r["servo_name"]} == set(known)
-        assert all(r["servo_name"] == known.get((r["bus"], r["servo_id"]), "") for r in rows)
-    samples = parquet.read_table(packed).to_pylist()
-    assert [r["servo_name"] for r in samples] == [
-        known.get((r["bus"], str(r["servo_id"]))) for r in samples
-    ]
-    plain = tmp_path / "plain.csv"
-    assert sniffer("decode", CLEAN, "-q", "-o", plain).status == 0
-    assert plain.read_text(encoding="utf-8").splitlines()[0].endswith(',"protocol"')
-    assert sniffer("decode", CLEAN, "-q", "--name", "1==1+1", "-o", plain, "--force").status == 0
-    assert '"\'=1+1"' in plain.read_text(encoding="utf-8"), "a spreadsheet runs no name"
 
 
 def test_a_place_may_be_that_of_a_servo_by_its_name(both: Path) -> None:
