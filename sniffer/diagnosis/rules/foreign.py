@@ -12,6 +12,7 @@ from sniffer.decoding.holding import spans_in
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.uart import MIDDLE
 from sniffer.diagnosis.unclaimed import first_low
 from sniffer.protocols import PROTOCOLS
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import Mask
     from sniffer.protocols.base import BusProtocol
 
 FINDINGS: Final = (
@@ -53,6 +55,12 @@ FINDINGS: Final = (
         "The line changes its level only every few bits of the receiver: who speaks runs slower.",
         "Of bytes that are no frame nearly all begin with a low of two bits or more, in multiples of one length.",
     ),
+    FindingCode(
+        "bits-read-twice",
+        "line",
+        "A bit of every byte has the value of the bit before it, whoever speaks: it was read twice, as the line is a little slower than the receiver.",
+        "A hundredth of the bytes or more in no frame; in all of sixteen values or more the same bits are like their neighbours, as one rate has it, and all others differ from theirs now and then.",
+    ),
 )
 
 FRAMES: Final = 5
@@ -75,6 +83,21 @@ VALUES: Final = 4
 NONE: Final = 0.01
 PLENTY: Final = 500
 """Part of so many bytes that hold: noise that takes all frames from the first one on is no noise."""
+
+TORN: Final = 0.01
+"""Part of the bytes in no frame at least: where all holds, alike bits are what is said."""
+
+VARIED: Final = 16
+"""Different values in which bits are alike; LSS says no more with few servos."""
+
+NOISE: Final = 1e-3
+"""Part of the bytes that may be torn besides."""
+
+UNLIKE: Final = 4
+"""Values in which each other pair of bits differs."""
+
+TIMES: Final = tuple(1 + k / 500 for k in range(20, 300))
+"""How many times slower a line is looked for; below, no bit is read twice, above, half of them are."""
 
 RATES: Final = (
     1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600,
@@ -202,6 +225,61 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
         )
 
 
+def bits_read_twice(case: Case) -> Iterator[Finding]:
+    """Look whether bits are alike in all bytes as a receiver has it that is a little too fast.
+
+    A bit is sampled so long after the start bit began; of a line that is 1.11 times slower the
+    fourth and the fifth sample fall into its fourth bit. What holds at such a rate are bytes in
+    which these are alike anyway, so requests and answers of some kinds may be whole.
+    """
+    total, head = case.ledger.bytes, np.frombuffer(case.ledger.head, np.uint8)
+    lost = int(case.line["gap_bytes"].sum())
+    if total < LEAST or lost < TORN * total:
+        return
+    count = np.bincount(head, minlength=256)
+    values = np.flatnonzero(count > NOISE * len(head) / VARIED)
+    unlike = (values[:, None] >> np.arange(7) ^ values[:, None] >> np.arange(1, 8)) & 1
+    share = (unlike * count[values, None]).sum(0) / len(head)
+    alike = share <= NOISE
+    if len(values) < VARIED or not alike.any() or (unlike.sum(0)[~alike] < UNLIKE).any():
+        return
+    fitting = [times for times in TIMES if np.array_equal(_twice(times), alike)]
+    if not fitting:
+        return
+    rate = case.baud
+    fits = [b for b in _known() if fitting[0] <= rate / b <= fitting[-1]]
+    told = min(fits, key=lambda b: abs(b * (fitting[0] + fitting[-1]) / 2 - rate), default=None)
+    bits = np.flatnonzero(alike)
+    t = int(case.line["t_first"].min()), int(case.line["t_last"].max())
+    slower = [round(100 * (1 - 1 / times)) for times in (fitting[0], fitting[-1])]
+    by = f"{slower[0]} to {slower[1]} %" if slower[0] < slower[1] else f"{slower[0]} %"
+    pairs = " and ".join(f"bit {k + 1} as bit {k}" for k in bits.tolist())
+    yield Finding(
+        "bits-read-twice",
+        None,
+        *t,
+        lost,
+        f"all {len(head)} bytes, {len(values)} different ones, have {pairs}: the line is {by} slower "
+        f"than the receiver" + (f", at {rate} baud it is {told}" if told else ""),
+        (Place(0, min(total, 64), t[0], "each byte has these bits alike"),),
+        brief="a bit of every byte is read twice"
+        + (f": the line runs at {told} baud" if told else ""),
+        values=(("baud", told),) if told else (),
+    )
+
+
+def _twice(times: float) -> Mask:
+    """Return which bits are read as those before them, of a line that is so many times slower."""
+    read = np.floor((np.arange(8) + 1 + MIDDLE) / times)
+    same: Mask = np.diff(read) == 0
+    return same
+
+
+def _known() -> list[int]:
+    """Return the rates in use."""
+    return sorted({*RATES, *(b for name in PROTOCOLS.built_in for b in PROTOCOLS[name].bauds)})
+
+
 def _slower(case: Case, data: bytes) -> tuple[float, int] | None:
     """Return how many times slower the line is, and the rate; None where it is not."""
     lows = Counter(first_low(data))
@@ -209,9 +287,13 @@ def _slower(case: Case, data: bytes) -> tuple[float, int] | None:
     if total < LEAST // 2 or lows[1] > 0.05 * total:
         return None
     times = next(n for n in sorted(lows) if sum(lows[k] for k in lows if k <= n) > 0.05 * total)
-    known = sorted({*RATES, *(b for name in PROTOCOLS.built_in for b in PROTOCOLS[name].bauds)})
-    return times, min(known, key=lambda rate: abs(rate * times / case.baud - 1))
+    return times, min(_known(), key=lambda rate: abs(rate * times / case.baud - 1))
 
 
-RULES: Final[tuple[Rule, ...]] = (two_protocols, foreign_frames, nothing_holds)
+RULES: Final[tuple[Rule, ...]] = (
+    two_protocols,
+    foreign_frames,
+    nothing_holds,
+    bits_read_twice,
+)
 """The rules of this file."""

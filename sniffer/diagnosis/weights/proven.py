@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.weights import controller, line, tap, wire
 from sniffer.diagnosis.weights.table import Weight, for_
 
@@ -12,6 +13,9 @@ TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
 TRANSLATED = "bytes-translated"
 SENT_SO, SUMS_WRONG = "sent-translated", "sums-wrong"
 """The proofs: of a program behind the tap, and of the controller's."""
+
+WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
+"""The proof of a rate: what holds at another one is chance, and says nothing of anybody."""
 
 _TORN: Final = tuple(
     dict.fromkeys(
@@ -27,17 +31,26 @@ _UNHEARD: Final = tuple(
 )
 """What follows where no frame holds."""
 
+_WEIGHED: Final = (*tap.WEIGHTS, *line.WEIGHTS, *wire.WEIGHTS, *controller.WEIGHTS)
+
+_OF_RATES: Final = frozenset(w.finding for w in _WEIGHED if w.cause == "wrong-baud")
+
+_LATE: Final = tuple(
+    dict.fromkeys(
+        w.finding
+        for w in _WEIGHED
+        if w.cause == "signal-integrity" and w.weight > 0 and w.finding not in _OF_RATES
+    )
+)
+"""What a weak signal does to some bytes, which a wrong rate does to all."""
+
 _APART: Final = ("port-lost", "port-back", "not-decoded")
 """What tears frames by itself."""
 
 _BEFORE: Final = ("line-error", "line-break", "bytes-lost")
 """What the UART or its driver finds."""
 
-_KNOWN: Final = frozenset(
-    w.finding
-    for w in (*tap.WEIGHTS, *line.WEIGHTS, *wire.WEIGHTS, *controller.WEIGHTS)
-    if w.cause == MALFORMED
-)
+_KNOWN: Final = frozenset(w.finding for w in _WEIGHED if w.cause == MALFORMED)
 
 _SUSPECTS: Final = (
     *("wrong-baud", "bus-noise", "emi-load", "signal-integrity", "turnaround", "line-stuck"),
@@ -72,6 +85,17 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
         (SENT_SO, 9.5, "what is sent is not what is meant, and nobody answers"),
         (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
+    ),
+    *for_(
+        WRONG_BAUD,
+        (READ_TWICE, 12.0, "every byte is read so, whoever sends it"),
+        *((code, 0.1, "bytes with a bit that is read twice look so") for code in _LATE),
+    ),
+    *(
+        weight
+        for cause in CAUSES
+        if cause != WRONG_BAUD
+        for weight in for_(cause, (READ_TWICE, -12.0, "at the right rate none of it may be there"))
     ),
     *(
         weight

@@ -1,0 +1,52 @@
+"""A line that is read a few per cent too fast: bits that are read twice, and what looks so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.diagnosis.uart import heard, sent
+from tests.conversations import BAUD, robot, without_clock
+from tests.diagnosed import codes, found, verdicts
+from tests.lists import in_turn
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
+
+PROTOCOLS = ("mightyzap", "wck", "rs30x", "lss")
+
+RATES = [(230400, 250000), (115200, 128000), (200000, 250000)]
+"""At which rate a line runs, and at which it is read."""
+
+
+def read(
+    protocol: str, times: float, *, baud: int = BAUD, rise: float = 0.0, clock: bool = True
+) -> Diagnosis:
+    """Return what is said of a sound line that is ``times`` slower than its receiver."""
+    talk = robot(protocol, 6, baud=baud)
+    chunks = [replace(c, data=heard(sent(c.data, times, rise=rise))) for c in talk.chunks]
+    return talk.diagnosed(chunks if clock else without_clock(chunks))
+
+
+@in_turn(3)
+@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(("runs", "read_at"), RATES)
+def test_a_line_that_is_a_little_slower_than_its_receiver_is_read_at_a_wrong_rate(
+    runs: int, read_at: int, protocol: str, clock: bool
+) -> None:
+    told = read(protocol, read_at / runs, baud=read_at, clock=clock)
+    assert verdicts(told.incidents()) == [("wrong-baud", ())]
+    (finding,) = (f for f in found(told) if f.code == "bits-read-twice")
+    assert finding.value("baud") == runs
+    assert f"the line runs at {runs} baud" in told.incidents()[0].story
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(("times", "rise"), [(1.0, 0.62), (1.03, 0.0), (0.96, 0.0)])
+def test_a_weak_line_and_clocks_that_are_off_read_no_bit_twice(
+    times: float, rise: float, protocol: str
+) -> None:
+    assert "bits-read-twice" not in codes(read(protocol, times, rise=rise))
