@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
 from sniffer.diagnosis.uart import heard, sent
-from tests.conversations import BAUD, robot, without_clock
+from tests.conversations import BAUD, Conversation, robot, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.lists import in_turn
 
@@ -50,3 +51,19 @@ def test_a_weak_line_and_clocks_that_are_off_read_no_bit_twice(
     times: float, rise: float, protocol: str
 ) -> None:
     assert "bits-read-twice" not in codes(read(protocol, times, rise=rise))
+
+
+def test_a_loop_that_has_two_bits_alike_in_all_it_says_is_not_read_so_for_noise() -> None:
+    """What noise does to such bytes does not spare these bits."""
+    talk, rng = robot("mightyzap", 20), random.Random(3)
+    other = [v for v in range(256) if (v >> 5 ^ v >> 6) & 1 == 0]
+    said = [c.data for c in talk.chunks if all(v in other for v in c.data)]
+    assert len({*b"".join(said)}) > 40
+    loop = Conversation("mightyzap")
+    for k in range(1500):
+        data = bytearray(said[k % len(said)])
+        loop.rest(0.5)
+        if k % 10 == 3:
+            data[rng.randrange(3, len(data))] ^= 1 << rng.randrange(8)
+        loop.say(bytes(data))
+    assert "bits-read-twice" not in codes(loop.diagnosed())

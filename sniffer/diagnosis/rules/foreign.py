@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import Mask
+    from sniffer.ground.model import F64, I64, U8, Mask
     from sniffer.protocols.base import BusProtocol
 
 FINDINGS: Final = (
@@ -59,7 +59,7 @@ FINDINGS: Final = (
         "bits-read-twice",
         "line",
         "A bit of every byte has the value of the bit before it, whoever speaks: it was read twice, as the line is a little slower than the receiver.",
-        "A hundredth of the bytes or more in no frame; in all of sixteen values or more the same bits are like their neighbours, as one rate has it, and all others differ from theirs now and then.",
+        "A hundredth of the bytes or more in no frame; in all bytes, in frames or not, of sixteen values or more, the same bits are like their neighbours, as one rate has it, and all others differ from theirs now and then.",
     ),
 )
 
@@ -95,6 +95,11 @@ NOISE: Final = 1e-3
 
 UNLIKE: Final = 4
 """Values in which each other pair of bits differs."""
+
+_BITS: Final = np.arange(256)[:, None] >> np.arange(8) & 1
+
+_PAIRS: Final = _BITS[:, :-1] ^ _BITS[:, 1:]
+"""By value and bit: whether that bit differs from the next one."""
 
 TIMES: Final = tuple(1 + k / 500 for k in range(20, 300))
 """How many times slower a line is looked for; below, no bit is read twice, above, half of them are."""
@@ -236,12 +241,12 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     lost = int(case.line["gap_bytes"].sum())
     if total < LEAST or lost < TORN * total:
         return
-    count = np.bincount(head, minlength=256)
-    values = np.flatnonzero(count > NOISE * len(head) / VARIED)
-    unlike = (values[:, None] >> np.arange(7) ^ values[:, None] >> np.arange(1, 8)) & 1
-    share = (unlike * count[values, None]).sum(0) / len(head)
-    alike = share <= NOISE
-    if len(values) < VARIED or not alike.any() or (unlike.sum(0)[~alike] < UNLIKE).any():
+    unclaimed = b"".join(run.data for run in case.ledger.unclaimed.runs)
+    # a loop that says little may have bits alike in all it says; what noise does to it, has not
+    n, share = _unlike(head)
+    alike = np.maximum(share, _unlike(np.frombuffer(unclaimed, np.uint8))[1]) <= NOISE
+    values = len(np.unique(head))
+    if values < VARIED or not alike.any() or (n[~alike] < UNLIKE).any():
         return
     fitting = [times for times in TIMES if np.array_equal(_twice(times), alike)]
     if not fitting:
@@ -259,13 +264,20 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
         None,
         *t,
         lost,
-        f"all {len(head)} bytes, {len(values)} different ones, have {pairs}: the line is {by} slower "
+        f"all {len(head)} bytes, {values} different ones, have {pairs}: the line is {by} slower "
         f"than the receiver" + (f", at {rate} baud it is {told}" if told else ""),
         (Place(0, min(total, 64), t[0], "each byte has these bits alike"),),
         brief="a bit of every byte is read twice"
         + (f": the line runs at {told} baud" if told else ""),
         values=(("baud", told),) if told else (),
     )
+
+
+def _unlike(data: U8) -> tuple[I64, F64]:
+    """Return of each pair of neighbouring bits in how many values, and bytes, they differ."""
+    count = np.bincount(data, minlength=256)
+    differs = _PAIRS * count[:, None]
+    return np.count_nonzero(differs, axis=0), differs.sum(0) / max(len(data), 1)
 
 
 def _twice(times: float) -> Mask:
