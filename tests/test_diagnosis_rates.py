@@ -63,7 +63,7 @@ def test_a_loop_that_has_two_bits_alike_in_all_it_says_is_not_read_so_for_noise(
     for k in range(1500):
         data = bytearray(said[k % len(said)])
         loop.rest(0.5)
-        if k % 10 == 3:
+        if k % 50 == 3:
             data[rng.randrange(3, len(data))] ^= 1 << rng.randrange(8)
         loop.say(bytes(data))
     assert "bits-read-twice" not in codes(loop.diagnosed())
