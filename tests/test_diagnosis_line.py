@@ -244,6 +244,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "two makes": two_makes,
         "other protocol": lambda: as_other("mightyzap"),
         "other rate": lambda: as_other("rs30x", 2.0),
+        "near rate": lambda: as_other("rs30x", 128 / 115.2),
         "wrong lengths": lambda: codes(alone("rs30x", longer).diagnosed()),
     }
 )
@@ -295,6 +296,7 @@ TOLD: Final = (
     ("nothing-holds", "other rate", "noise"),
     ("begins-hold", "wrong lengths", "other rate"),
     ("bits-of-another-rate", "other rate", "other protocol"),
+    ("bits-read-twice", "near rate", "other rate"),
 )
 """A finding, a fault that brings it, and one that looks alike and does not."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.uart import heard, sent
+from sniffer.diagnosis.uart import received, sent
 from tests.conversations import BAUD, Conversation, robot, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.lists import in_turn
@@ -27,7 +27,12 @@ def read(
 ) -> Diagnosis:
     """Return what is said of a sound line that is ``times`` slower than its receiver."""
     talk = robot(protocol, 6, baud=baud)
-    chunks = [replace(c, data=heard(sent(c.data, times, rise=rise))) for c in talk.chunks]
+    rng = random.Random(1)  # of when in its own clock the receiver sees a start bit
+    chunks = [
+        replace(c, data=bytes(b.value for b in received(sent(c.data, times, rise=rise), point)))
+        for c in talk.chunks
+        for point in [0.5 + rng.randrange(16) / 256]
+    ]
     return talk.diagnosed(chunks if clock else without_clock(chunks))
 
 
@@ -40,6 +45,8 @@ def test_a_line_that_is_a_little_slower_than_its_receiver_is_read_at_a_wrong_rat
 ) -> None:
     told = read(protocol, read_at / runs, baud=read_at, clock=clock)
     assert verdicts(told.incidents()) == [("wrong-baud", ())]
+    if protocol == "lss":  # nothing holds, and its few signs do not tell which bits are alike
+        return
     (finding,) = (f for f in found(told) if f.code == "bits-read-twice")
     assert finding.value("baud") == runs
     assert f"the line runs at {runs} baud" in told.incidents()[0].story

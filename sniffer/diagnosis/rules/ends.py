@@ -9,7 +9,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.delays import delays
-from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
+from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT, OTHER
 from sniffer.diagnosis.rules.bits import bits_finding
 from sniffer.diagnosis.signs import beginnings
 from sniffer.diagnosis.twins import torn_by_twins
@@ -144,6 +144,8 @@ def may_be_cut(m: Misread) -> bool:
     """Tell whether it may be the last byte alone that is torn: it is, or nobody knows which one."""
     if m.shape == BITS_FEW:
         return not m.bytes_hit or max(m.bytes_hit) == m.damage.length - 1
+    if m.shape == OTHER:  # as long as it was meant to be: the sum of what it states may be torn
+        return m.damage.length == len(m.damage.expected) == len(m.damage.got)
     return _cut(m)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
@@ -17,11 +18,11 @@ from sniffer.diagnosis.unclaimed import first_low
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import F64, I64, U8, Mask
+    from sniffer.ground.model import U8, Mask
     from sniffer.protocols.base import BusProtocol
 
 FINDINGS: Final = (
@@ -87,14 +88,17 @@ PLENTY: Final = 500
 TORN: Final = 0.01
 """Part of the bytes in no frame at least: where all holds, alike bits are what is said."""
 
-VARIED: Final = 16
-"""Different values in which bits are alike; LSS says no more with few servos."""
+VARIED, MANY = 16, 40
+"""Different values in which bits are alike, in one of two ways; LSS says no more with few servos."""
 
 NOISE: Final = 1e-3
 """Part of the bytes that may be torn besides."""
 
 UNLIKE: Final = 4
 """Values in which each other pair of bits differs."""
+
+POINTS: Final = (0.5, MIDDLE, 0.5625)
+"""Where in a bit it is sampled: a UART of 16 samples a bit sees an edge up to one sample late."""
 
 _BITS: Final = np.arange(256)[:, None] >> np.arange(8) & 1
 
@@ -241,24 +245,23 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     lost = int(case.line["gap_bytes"].sum())
     if total < LEAST or lost < TORN * total:
         return
-    unclaimed = b"".join(run.data for run in case.ledger.unclaimed.runs)
     # a loop that says little may have bits alike in all it says; what noise does to it, has not
-    n, share = _unlike(head)
-    alike = np.maximum(share, _unlike(np.frombuffer(unclaimed, np.uint8))[1]) <= NOISE
-    values = len(np.unique(head))
-    if values < VARIED or not alike.any() or (n[~alike] < UNLIKE).any():
+    unclaimed = np.frombuffer(b"".join(run.data for run in case.ledger.unclaimed.runs), np.uint8)
+    if len(np.unique(head)) < VARIED:
         return
-    fitting = [times for times in TIMES if np.array_equal(_twice(times), alike)]
+    fitting = [t for t in TIMES if _twice(t) and _fits(_twice(t), head, unclaimed)]
     if not fitting:
         return
     rate = case.baud
     fits = [b for b in _known() if fitting[0] <= rate / b <= fitting[-1]]
     told = min(fits, key=lambda b: abs(b * (fitting[0] + fitting[-1]) / 2 - rate), default=None)
-    bits = np.flatnonzero(alike)
+    values, share = len(np.unique(head)), _PAIRS[head].mean(0)
+    bits = sorted({k for times in fitting for way in _twice(times) for k in way})
+    bits = [k for k in bits if share[k] <= NOISE] or bits
     t = int(case.line["t_first"].min()), int(case.line["t_last"].max())
     slower = [round(100 * (1 - 1 / times)) for times in (fitting[0], fitting[-1])]
     by = f"{slower[0]} to {slower[1]} %" if slower[0] < slower[1] else f"{slower[0]} %"
-    pairs = " and ".join(f"bit {k + 1} as bit {k}" for k in bits.tolist())
+    pairs = " or ".join(f"bit {k + 1} as bit {k}" for k in bits)
     yield Finding(
         "bits-read-twice",
         None,
@@ -273,18 +276,34 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     )
 
 
-def _unlike(data: U8) -> tuple[I64, F64]:
-    """Return of each pair of neighbouring bits in how many values, and bytes, they differ."""
-    count = np.bincount(data, minlength=256)
-    differs = _PAIRS * count[:, None]
-    return np.count_nonzero(differs, axis=0), differs.sum(0) / max(len(data), 1)
+Pairs = tuple[int, ...]
+"""Bits that are read as those before them, by these."""
 
 
-def _twice(times: float) -> Mask:
-    """Return which bits are read as those before them, of a line that is so many times slower."""
-    read = np.floor((np.arange(8) + 1 + MIDDLE) / times)
-    same: Mask = np.diff(read) == 0
-    return same
+def _fits(ways: Sequence[Pairs], *data: U8) -> bool:
+    """Tell whether all bytes are as one of some ways has it, or each as any of them."""
+    count = np.bincount(data[0], minlength=256)
+    alike: list[Mask] = [_PAIRS[:, list(way)].sum(1) == 0 for way in ways]
+    if np.count_nonzero(count) >= MANY:
+        alike.append(np.logical_or.reduce(alike))
+    others = [k for k in range(7) if not any(k in way for way in ways)]
+    differ = np.count_nonzero(_PAIRS[:, others] * count[:, None], axis=0)
+    return bool((differ >= UNLIKE).all()) and any(
+        all(mine[some].mean() >= 1 - NOISE for some in data if len(some)) for mine in alike
+    )
+
+
+@functools.cache
+def _twice(times: float) -> tuple[Pairs, ...]:
+    """Return which bits are read twice of a line that is so many times slower, in all ways.
+
+    Where a sample falls near the edge of a bit, when in its own clock the receiver saw the start
+    bit tells on which side.
+    """
+    at = np.arange(8) + 1
+    read = [np.floor((at + point) / times) for point in POINTS]
+    ways = [tuple(np.flatnonzero(np.diff(one) == 0).tolist()) for one in read]
+    return tuple(dict.fromkeys(ways)) if all(ways) else ()
 
 
 def _known() -> list[int]:
