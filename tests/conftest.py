@@ -26,7 +26,7 @@ MANY: Final = 3000
 # the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
 _SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.register_profile("fast", _SHARED, max_examples=10)
-settings.register_profile("ci", _SHARED, max_examples=8, derandomize=True)
+settings.register_profile("ci", _SHARED, max_examples=6, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 

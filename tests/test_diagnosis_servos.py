@@ -10,6 +10,7 @@ from sniffer.diagnosis.rules import FINDINGS
 from sniffer.simulation.buses import BUSES, simulate
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
+from tests.lists import in_turn
 from tests.servos import BEGAN_NS, finding, suffering
 from tests.streams import mightyzap
 
@@ -48,6 +49,7 @@ CASES = [
 DEVICE = [f.code for f in FINDINGS.values() if f.area == "device"]
 
 
+@in_turn(2)
 @pytest.mark.parametrize(("cause", "protocol", "fault"), CASES)
 def test_a_fault_of_a_servo_is_one_incident_with_its_cause_first(
     cause: str, protocol: str, fault: str

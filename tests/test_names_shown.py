@@ -12,6 +12,7 @@ import pytest
 
 from sniffer.ground.registers import schema_path
 from tests.commands import sniffer
+from tests.lists import in_turn
 from tests.test_names import CLEAN, DAMAGED, two_buses
 from tests.test_rerun import read
 from tests.test_stats import SCHEMA
@@ -58,6 +59,7 @@ def test_a_name_told_now_stands_in_place_of_the_one_that_was_recorded(both: Path
     assert "2 hand" in of_bus(shown, "leg")
 
 
+@in_turn(2)
 @pytest.mark.parametrize("columns", ["80", "140"])
 def test_no_name_is_cut_in_a_narrow_terminal(columns: str, both: Path) -> None:
     for command in (("stats",), ("decode", "--summary"), ("diagnose",)):
@@ -104,6 +106,7 @@ def test_without_names_figures_are_what_they_were(form: str) -> None:
     assert "servo_name" not in shown
 
 
+@in_turn(2)
 @pytest.mark.parametrize("columns", ["140", "200", None])
 def test_wide_lines_have_names_and_stay_aligned(columns: str | None, both: Path) -> None:
     env = None if columns is None else {"COLUMNS": columns}
@@ -193,6 +196,7 @@ def test_a_place_that_is_explained_names_the_servo(both: Path) -> None:
     assert f"request: load_data, servo 1 {LONG}" in drawn
 
 
+@in_turn(2)
 @pytest.mark.parametrize(
     ("who", "where"),
     [
@@ -286,6 +290,7 @@ def test_verdicts_on_rules_name_the_servo_that_decided(both: Path, tmp_path: Pat
     assert "heard of servo 9" in told
 
 
+@in_turn(2)
 @pytest.mark.parametrize(
     ("rule", "told"),
     [

@@ -40,12 +40,12 @@ def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
     part = simulated("mightyzap", 0.3)
     facts = {f"fact {k}": "x y " * 2_000 for k in range(300)}
     sink = McapSink(capture, facts)
-    for k in range(60):
+    for k in range(30):
         sink.raw(f"bus{k}", [replace(chunk, bus=f"bus{k}") for chunk in part])
     sink.close()
     page = page_of(capsys, capture, tmp_path, "--protocol", "mightyzap")
     assert len(page.encode()) < 3_000_000
     told = Reader(page).text
-    assert "and 44 further buses: without curves" in told
+    assert "and 14 further buses: without curves" in told
     assert re.search(r"and \d+ more facts", told)
-    assert "bus59" in told
+    assert "bus29" in told
