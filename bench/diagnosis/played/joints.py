@@ -152,6 +152,9 @@ def _shifted(play: Play, who: int, shift: float, times: int) -> None:
     usual, left = servo.measure, [True] * times
 
     def measure() -> None:
+        if not left:  # another one lay over it, and gives it back when it was over itself
+            usual()
+            return
         joint = servo.joint
         true = joint.position
         joint.position = min(max(true + top * shift, 0.0), 1.0)
