@@ -47,7 +47,8 @@ def lines(bus: str, parts: Sequence[Part], names: ServoNames | None = None) -> s
 
     What servos are called stands behind their ids, where ``names`` are known.
     """
-    called = names.on_bus(bus) if names else {}
+    known = names.on_bus(bus) if names else {}
+    called = {str(servo): f',"{SERVO_NAME}":{encode(name)}' for servo, name in known.items()}
     places: list[I64] = [np.empty(0, np.int64)]
     texts: list[str] = []
     for protocol, batch in parts:
@@ -59,9 +60,9 @@ def lines(bus: str, parts: Sequence[Part], names: ServoNames | None = None) -> s
 
 
 def _found(
-    bus: str, pieces: LineTexts, batch: Batch, called: Mapping[int, str]
+    bus: str, pieces: LineTexts, batch: Batch, called: Mapping[str, str]
 ) -> Iterator[Placed]:
-    """Yield a batch's lines kind by kind."""
+    """Yield a batch's lines kind by kind; ``called``: by id, what stands behind it."""
     told = pieces.values(batch.values)
     for placed in (
         _frames(bus, pieces, batch, [value.field for value in told]),
@@ -74,14 +75,13 @@ def _found(
         yield _gaps(bus, pieces, batch)
 
 
-def _named(placed: Placed, called: Mapping[int, str]) -> Placed:
+def _named(placed: Placed, called: Mapping[str, str]) -> Placed:
     """Return lines with names of servos; only samples are several in one text."""
     kind, at, texts = placed
-    known = {str(servo): f',"{SERVO_NAME}":{encode(name)}' for servo, name in called.items()}
     most = 0 if kind == OF_SAMPLES else 1
 
     def behind(who: re.Match[str]) -> str:
-        return who[0] + known.get(who[1], "")
+        return who[0] + called.get(who[1], "")
 
     return kind, at, [_WHO.sub(behind, text, most) for text in texts]
 
