@@ -32,6 +32,7 @@ LOADS: Final = (
     Load(1, 921600, SECONDS),
     Load(8, 115200, SECONDS),
     Load(8, 921600, SECONDS),
+    Load(8, 921600, SECONDS, "raw"),
     Load(8, 921600, SECONDS, "line"),
     Load(8, 921600, SECONDS, "board"),
     Load(8, 921600, SECONDS, "log"),
@@ -40,6 +41,7 @@ LOADS: Final = (
 )
 SHOWN: Final = {
     "quiet": "nothing",
+    "raw": "nothing, and raw bytes alone recorded (`--topics raw`)",
     "line": "a line a second",
     "board": "the board on a terminal",
     "log": "a line a frame, to /dev/null",
