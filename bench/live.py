@@ -44,8 +44,8 @@ VIEWS: Final = {
     "board": (),
     "dead viewer": ("--quiet", "--rerun-connect", "rerun+http://127.0.0.1:9/proxy"),
 }
-"""What is shown beside the recording, or left out of it: raw bytes alone, a line a second, a line a frame to /dev/null, the board on a
-terminal, and a Rerun viewer at an address where none is."""
+"""What is shown beside the recording, or left out of it: raw bytes alone, a line a second, a line a
+frame to /dev/null, the board on a terminal, and a Rerun viewer at an address where none is."""
 
 SETTLES_S: Final = 0.7
 """What the recorder is given when its file is there, until it is measured."""
