@@ -134,6 +134,19 @@ def test_a_servo_that_speaks_now_and_then_is_no_second_one() -> None:
     assert "unasked-now-and-then" in codes(suffering("mightyzap", "chatty:1:4%", 10.0))
 
 
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_second_servo_that_answers_now_and_then_is_no_device_that_speaks_unasked(
+    protocol: str,
+) -> None:
+    d = suffering(protocol, "duplicate-id:1:8%", 8.0)
+    assert "behind-its-own-alone" in codes(d)
+    assert verdicts(d.incidents()) == [("duplicate-id", (1,))]
+
+
+def test_who_speaks_behind_others_too_is_no_second_servo() -> None:
+    assert "behind-its-own-alone" not in codes(suffering("mightyzap", "chatty:1:8%", 10.0))
+
+
 def test_a_sound_bus_has_nobody_who_speaks_now_and_then() -> None:
     assert "unasked-now-and-then" not in codes(suffering("mightyzap", seconds=10.0))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -11,6 +12,7 @@ from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
@@ -40,6 +42,12 @@ FINDINGS: Final = (
         "device",
         "A servo takes its overload back at once, and moves on: it works hard where its goals go fast.",
         "Every overload alarm is over within half a second, and around each the joint moves by twice what counts as far from a goal.",
+    ),
+    FindingCode(
+        "behind-its-own-alone",
+        "device",
+        "What a servo says unasked comes right behind its own answers, to the same questions, and nowhere else.",
+        "Second answers in a row, and so few elsewhere that one who speaks at any time would stand there once in a hundred times: behind its own exchanges as often as it is asked. Then a second servo of the same id answers some of what it is asked.",
     ),
     FindingCode(
         "unasked-now-and-then",
@@ -95,10 +103,14 @@ MOMENT_NS: Final = NS
 OWN: Final = 0.9
 """Part of the torn places with a servo's bytes that must be second answers of it for none to be more."""
 
+ALONE: Final = 1e-2
+"""Chance at most that one who speaks at any time says all of it behind its own answers."""
+
 SELDOM: Final = 1 / 3
 """Part of the exchanges behind which a second servo surely would be heard."""
 
 SURE: Final = 1e-4
+"""So rare a chance is out of the question."""
 
 BARE_SHARE: Final = 0.7
 """Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
@@ -252,6 +264,25 @@ def chatty(case: Case) -> Iterator[Finding]:
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
+        seconds = case.anomalies("duplicate-response", servo_id=servo)
+        rows = case.alarm_rows("duplicate-response", servo_id=servo)
+        # what stands right behind a torn request is the answer to it
+        behind = int(case.alarms["n"][rows].sum()) - int(np.isin(seconds.at, list(ends)).sum())
+        chance = at_least(min(behind, n), n, share)
+        if chance < ALONE:
+            yield Finding(
+                "behind-its-own-alone",
+                servo,
+                since,
+                until,
+                behind,
+                f"{behind} of {n} that servo {servo} said unasked came right behind its own answer to "
+                f"the same request, which {share:.0%} of the requests are",
+                case.places(seconds, "the second of two answers"),
+                strength=min(1.0, math.log(max(chance, SURE)) / math.log(SURE)),
+                brief=f"a second servo {servo} answers now and then",
+            )
+            continue
         answers = case.answers
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())

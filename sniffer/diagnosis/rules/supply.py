@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from sniffer.diagnosis.steps import MILLI
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
@@ -26,6 +27,12 @@ FINDINGS: Final = (
         "device",
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
         "A voltage more than an eighth below what the servo has for most of the time, or its peers, and no less than it can speak with; it counts in full from a quarter on, or below the servo's own limit, and little where it is no deeper, over as soon as motors have started, and no complaint or silence goes with it. A lone such value less than about a fifth below the usual one is not told.",
+    ),
+    FindingCode(
+        "supply-stays-low",
+        "device",
+        "A servo measures far less than its supply time after time.",
+        "Four readings in a row and more, with none between that is higher, of which each is a quarter below what the servo has for most of the time, or its peers.",
     ),
     FindingCode(
         "supply-steady",
@@ -57,6 +64,9 @@ DEEP: Final = 0.25
 SHALLOW: Final = 0.10
 """At this part it counts for nothing: of a sixth alone, with no complaint and no silence, no engineer
 would say that a supply breaks down."""
+
+STAYS: Final = 4
+"""Readings in a row: what is misread by chance is not so often misread alike."""
 
 ALIVE: Final = 0.35
 """Below this part of its usual voltage a servo says nothing any more: who states it was misread."""
@@ -100,8 +110,23 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
         if not len(low) or (len(v) < 2 and normal == usual[servo]):
             continue
         found = _sag(case, servo, v, low, normal, limit)
-        if found is not None:
-            yield found
+        if found is None:
+            continue
+        yield found
+        deep = v.high < (1 - DEEP) * normal
+        lasting = _in_a_row(
+            (int(n) if is_deep else 0) for n, is_deep in zip(v.n, deep, strict=True)
+        )
+        if lasting >= STAYS:
+            yield replace(
+                found,
+                code="supply-stays-low",
+                count=lasting,
+                what=f"servo {servo} measures less than {v.told((1 - DEEP) * normal)} "
+                f"{lasting} times in a row",
+                strength=1.0,
+                brief="",
+            )
 
 
 def steady(case: Case) -> Iterator[Finding]:
@@ -132,6 +157,15 @@ def steady(case: Case) -> Iterator[Finding]:
             ),
             strength=min(1.0, max(1.0 - float(np.median(age) - JUST_NS) / SOON_NS, OLD)),
         )
+
+
+def _in_a_row(counts: Iterable[int]) -> int:
+    """Return the greatest sum of counts with no zero between: 2 3 0 4 is 5."""
+    most = here = 0
+    for n in counts:
+        here = here + n if n else 0
+        most = max(most, here)
+    return most
 
 
 def _sag(

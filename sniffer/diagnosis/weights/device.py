@@ -23,6 +23,7 @@ WEIGHTS: Final = (
     *for_(
         "brownout",
         ("voltage-sag", 3.2, "its supply is measured low"),
+        ("supply-stays-low", 2.5, "its supply is measured low time after time"),
         ("device-input-voltage", 3.0, "it complains of its supply"),
         ("away-for-a-while", 1.8, "it is silent meanwhile"),
         ("back-at-defaults", 1.2, "it comes back as after power-on"),
@@ -292,6 +293,7 @@ WEIGHTS: Final = (
     *for_(
         "chatty-device",
         ("speaks-unasked", 4.0, "it speaks without being asked"),
+        ("behind-its-own-alone", -4.5, "it would speak behind others as well"),
         ("unsolicited-response", 0.8, "answers that nobody asked for"),
         ("unasked-now-and-then", 2.0, "it speaks behind some of its answers, and not behind all"),
         ("answers-twice", 0.8, "what it says may stand behind its answer"),

@@ -252,6 +252,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),
         ("damage-one-servo", 1.5, "only its answers are hit"),
         ("speaks-unasked", 0.6, "the second answer stands alone"),
+        ("behind-its-own-alone", 3.0, "who says more answers the same request"),
         ("duplicate-response", 2.5, "a second answer of the same id"),
         ("comes-and-goes", 0.2, "two answers at once are none"),
         ("position-jumps", 0.5, "two joints stand at two places"),
