@@ -11,8 +11,10 @@ from sniffer.diagnosis.followed import followed
 from sniffer.diagnosis.owners import owner
 from sniffer.diagnosis.signs import sign_of
 from sniffer.ground.model import Chunk, Clock
+from sniffer.simulation import Fault, simulate
+from sniffer.simulation.render import usb_reads
 from tests.conversations import MS, Conversation, robot, swinging, through_usb, without_clock
-from tests.diagnosed import codes, verdicts
+from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -91,6 +93,16 @@ def test_two_servos_that_answer_twice_are_two() -> None:
 def test_stamps_of_a_host_that_holds_bytes_tell_no_owner() -> None:
     assert owner_of(late_answers("mightyzap", 2)) is not None
     assert owner_of(late_answers("mightyzap", 2), by_usb=True) is None
+
+
+def test_a_host_that_takes_bytes_when_it_has_time_is_no_clock_for_whose_they_are() -> None:
+    # its stamps are good to a millisecond, on no grid: servo 0 seemed steadier than servo 1
+    frames = list(simulate("wck", seed=3, faults=[Fault("duplicate", 1.0, 1)], duration_s=5.0))
+    reads = [Chunk(data, t_ns, Clock.FILE) for t_ns, data in usb_reads(frames, 115200)]
+    assert verdicts(diagnosed(reads, "wck").incidents()) == [("duplicate-id", (1,))]
+    exact = diagnosed(chunks_of(frames), "wck")
+    assert verdicts(exact.incidents()) == [("duplicate-id", (1,))]
+    assert owner(next(iter(exact.cases()))) is not None
 
 
 def by_the_millisecond(talk: Conversation, late_us: int = 0) -> list[Chunk]:

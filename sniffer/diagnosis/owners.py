@@ -24,7 +24,7 @@ import numpy as np
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
 from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
-from sniffer.diagnosis.stamps import grid_ns
+from sniffer.diagnosis.stamps import grid_ns, steadiest_ns
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import LATENCY_NS
@@ -135,8 +135,8 @@ def _owner(case: Case) -> Owner | None:
     if not case.has_clock or case.latency_ns > LATENCY_NS[Clock.FILE]:
         return None  # a host that holds bytes back moves them by more than they vary
     grid = grid_ns(case)
-    if grid > SPANS_NS[-1]:
-        return None  # so does one that stamps them by the millisecond
+    if max(grid, steadiest_ns(case)) > SPANS_NS[-1]:
+        return None  # so does one that stamps them by the millisecond, or when it has time
     traces = _traces(case)
     found = []
     for servo in case.servos:
