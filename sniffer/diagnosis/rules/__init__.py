@@ -46,6 +46,7 @@ from sniffer.diagnosis.rules import (
     tap,
     timing,
     translated,
+    unasked,
     warmth,
 )
 
@@ -90,6 +91,7 @@ _AREAS: Final = (
     sums,
     supply,
     translated,
+    unasked,
     warmth,
 )
 

@@ -178,6 +178,9 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
         return False
     back = d.got[::-1]
     ended = [b for b in seconds if alike(back, b[::-1]) >= TAIL - (len(b) <= SHORT)]
+    # what one leaves and another one joins is longer than either; a line of text has any digits
+    if not ended or d.length <= max(len(max(begun, key=len)), len(max(ended, key=len))):
+        return False
     return any(
         b != a
         and d.length not in (len(a), len(b))

@@ -56,7 +56,7 @@ FINDINGS: Final = (
         "outages-evenly",
         "pairing",
         "A servo is away at even times.",
-        "Of six outages and more the times between vary by less than half of their mean; it counts as much as "
+        "Of six outages and more the times from its return to the next one vary by less than half of their mean; it counts as much as "
         "what comes at any time is seldom so even.",
     ),
     FindingCode(
@@ -294,7 +294,10 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
     runs = case.ledger.silences.runs(servo)
     if not case.has_clock or len(runs) < OUTAGES:
         return
-    apart = np.diff(np.array([s.first_ns for s in runs], np.int64)).astype(np.float64)
+    # from its return on: while it is away it cannot leave again, however it does that
+    returns = [s.back_ns if s.back_ns is not None else s.first_ns for s in runs]
+    leaves = [s.first_ns for s in runs]
+    apart = np.subtract(leaves[1:], returns[:-1]).astype(np.float64)
     spread, chance = _spread(apart), so_even(apart.tolist())
     # of a Poisson process it is 1; by chance less, the fewer there are
     even, uneven = EVEN - 1 / len(runs), UNEVEN
@@ -313,7 +316,8 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
         runs[0].first_ns,
         runs[-1].back_ns or 0,
         len(runs),
-        f"the {len(runs)} outages of servo {servo} come {how}: the times between them vary by "
+        f"the {len(runs)} outages of servo {servo} come {how}: how long it is there before "
+        f"each varies by "
         f"{spread:.0%}",
         strength=min(strength, 1.0),
     )

@@ -1,0 +1,302 @@
+"""What devices say unasked: a second servo of the same id, or one that speaks when it likes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.acks import seldom_answered
+from sniffer.diagnosis.case import sums
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least
+from sniffer.diagnosis.damage import IN_REQUEST
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
+from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnosis.twins import torn_by_twins, twins
+from sniffer.ground.codes import RESPONSE
+from sniffer.ground.gaps import NOISE
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "behind-its-own-alone",
+        "device",
+        "What a servo says unasked comes right behind its own answers, to the same questions, and nowhere else.",
+        "Second answers in a row, and so few elsewhere that one who speaks at any time would stand there once in a hundred times: behind its own exchanges as often as it is asked. Then a second servo of the same id answers some of what it is asked.",
+    ),
+    FindingCode(
+        "unasked-now-and-then",
+        "device",
+        "What a servo says unasked stands behind few of its exchanges.",
+        "From the first such answer to the last one, behind fewer than a third of its sound exchanges, with what is torn behind them: a second servo of the same id would answer each.",
+    ),
+    FindingCode(
+        "speaks-unasked",
+        "device",
+        "One device sends answers that nobody asked for.",
+        "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+    ),
+)
+
+OWN: Final = 0.9
+"""Part of the torn places with a servo's bytes that must be second answers of it for none to be more."""
+
+ALONE: Final = 1e-2
+"""Chance at most that one who speaks at any time says all of it behind its own answers."""
+
+EITHER: Final = 0.5
+"""How much counts what one servo may have said as well as another one."""
+
+SELDOM: Final = 1 / 3
+"""Part of the exchanges behind which a second servo surely would be heard."""
+
+SURE: Final = 1e-4
+"""So rare a chance is out of the question."""
+
+BARE_SHARE: Final = 0.7
+"""Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
+
+NEAR_RAW: Final = 3
+"""Steps that a joint may have moved since its last answer."""
+
+UNASKED: Final = 4
+"""Answers without a request: fewer come from requests that the tap lost."""
+
+USUALLY: Final = 0.5
+"""Part of the requests that are answered where the tap hears both sides."""
+
+CHANCE: Final = 0.02
+"""Where frames are damaged, all answers without a request are of one servo for so rare a chance."""
+
+
+def chatty(case: Case) -> Iterator[Finding]:
+    """A device that speaks without being asked."""
+    unasked = sums(case.answers, "servo_id", "unsolicited")
+    torn = int(case.damage["n"].sum())
+    # what stands right behind a torn request was asked for by it
+    ends = {d.at + d.length for d in case.damages if d.turn == IN_REQUEST}
+    pieces = _spoken_into(case)
+    for servo in unasked:
+        events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
+        unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
+    for servo, said in case.once(seldom_answered).items():
+        unasked[servo] = unasked.get(servo, 0) + said.n
+    for servo, n in unasked.items():
+        if n < UNASKED:
+            continue
+        others = sum(unasked.values()) - n
+        missing = case.total("missing", servo) + case.total("damaged", servo)
+        # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
+        share = case.total("asked", servo) / max(case.total("asked"), 1)
+        is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
+        if others > n / 5 or (missing > n / 2 and not is_sure):
+            continue
+        # what it says itself tears no requests that it would answer
+        if torn - len(pieces.get(servo, ())) > n and (others or share ** (n - 1) > CHANCE):
+            continue
+        if servo < 0 or not (case.total("ok", servo) or _is_stranger(case, servo)):
+            continue
+        told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
+        begun = pieces.get(servo, ())
+        acks = case.once(seldom_answered).get(servo)
+        times = [*told.t_ns.tolist(), *(d.t_ns for d in begun)]
+        times += [] if acks is None else [acks.first_ns, acks.last_ns]
+        since, until = min(times), max(times)
+        over = sum(d.turn == IN_REQUEST for d in begun)
+        into = f"; {over} of them began before a request was over" if over else ""
+        into += f"; {len(begun) - over} lie over others' answers" if len(begun) > over else ""
+        into += f"; {acks.n} look like answers to commands that it does not answer" if acks else ""
+        yield Finding(
+            "speaks-unasked",
+            servo,
+            since,
+            until,
+            n,
+            f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
+            case.places(told, "an answer without a request")
+            or tuple(Place(d.at, d.length, d.t_ns, "begins within") for d in begun[:3])
+            or tuple(acks.places if acks is not None else ()),
+            strength=min(0.7 + n / 25, 1.0),
+            brief=f"servo {servo} speaks unasked",
+        )
+        seconds = case.anomalies("duplicate-response", servo_id=servo)
+        rows = case.alarm_rows("duplicate-response", servo_id=servo)
+        # what stands right behind a torn request is the answer to it
+        behind = int(case.alarms["n"][rows].sum()) - int(np.isin(seconds.at, list(ends)).sum())
+        chance = at_least(min(behind, n), n, share)
+        if chance < ALONE:
+            yield Finding(
+                "behind-its-own-alone",
+                servo,
+                since,
+                until,
+                behind,
+                f"{behind} of {n} that servo {servo} said unasked came right behind its own answer to "
+                f"the same request, which {share:.0%} of the requests are",
+                case.places(seconds, "the second of two answers"),
+                strength=_unlikely(chance),
+                brief=f"a second servo {servo} answers now and then",
+            )
+            continue
+        answers = case.answers
+        within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
+        ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
+        twin = twins(case).get(servo)
+        # of two answers one may tear the other, or come when another one is being asked
+        late = set()
+        if twin is not None:
+            places = (twin.torn, twin.stray, twin.foreign, twin.crossed)
+            late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
+        more = n + sum(
+            since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
+            for d in case.damages
+        )
+        if more < SELDOM * ok:
+            yield Finding(
+                "unasked-now-and-then",
+                servo,
+                since,
+                until,
+                n,
+                f"servo {servo} said something more behind {more} of {ok} exchanges at most",
+                strength=min(1.0, (SELDOM * ok - more) / more),
+            )
+
+
+def _is_stranger(case: Case, servo: int) -> bool:
+    """Tell whether nobody ever asks a device, and those who are asked answer.
+
+    Where hardly anybody answers what is heard, requests may be on a wire that is not.
+    """
+    answered, asked = case.total("ok"), case.total("asked")
+    return not case.total("asked", servo) and answered >= max(UNASKED, USUALLY * asked)
+
+
+def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
+    """Return by servo what begins as its answers where nobody is asked, and is torn by a request."""
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
+    signs = {}
+    for servo, own in begins.items():
+        others = [other for s, other in begins.items() if s != servo]
+        signs[servo] = sign_of(own, [*others, *requests])
+    within = signed(case)
+    found = {
+        servo: [
+            d
+            for d in case.damages
+            if within.get(d.at) == servo
+            or (
+                len(sign) >= SIGN
+                and _is_into_request(d)
+                and d.got[:-1].startswith(sign)
+                and not loses_most(case, servo)
+            )
+        ]
+        for servo, sign in signs.items()
+    }
+    return {s: () if _answers_so(case, s, pieces) else pieces for s, pieces in found.items()}
+
+
+def _answers_so(case: Case, servo: int, pieces: Sequence[Damage]) -> bool:
+    """Tell whether pieces are second answers, each to an earlier request to a servo of two.
+
+    It gives them time and again, not now and then as a device that has something to say.
+    """
+    twin = twins(case).get(servo)
+    if twin is None or twin.twice < SELDOM * case.total("ok", servo):
+        return False
+    theirs = torn_by_twins(case)
+    return sum(d.at in theirs for d in pieces) >= OWN * len(pieces)
+
+
+def _is_into_request(d: Damage) -> bool:
+    """Tell whether a torn request stands behind an answer: what begins there is no answer to it."""
+    return d.turn == IN_REQUEST and d.behind == RESPONSE
+
+
+def _is_behind(d: Damage, servo: int) -> bool:
+    """Tell whether damage stands behind an exchange of a servo, or in the next one."""
+    return (d.asked_id if d.behind == RESPONSE else d.earlier_id) == servo
+
+
+def _unlikely(chance: float) -> float:
+    """Return how much a chance is out of the question, 0..1."""
+    return min(1.0, math.log(max(chance, SURE)) / math.log(SURE))
+
+
+def _mostly_behind(pieces: Sequence[Damage]) -> tuple[list[Damage], int]:
+    """Return those right behind an answer of the servo behind which most are, and which it is."""
+    behind = [d for d in pieces if d.behind == RESPONSE and d.asked_id >= 0]
+    count = Counter(d.asked_id for d in behind)
+    whose = max(count, key=lambda servo: count[servo], default=-1)
+    return [d for d in behind if d.asked_id == whose], whose
+
+
+def chatty_bare(case: Case) -> Iterator[Finding]:
+    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
+    size = case.ledger.answer_length
+    if not case.protocol.ordered or case.has_checksum or not size:
+        return
+    stray = [d for d in case.damages if d.kind == NOISE]
+    alike = [d for d in stray if len(d.got) == d.length == size]
+    if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
+        return
+    told = {s: fits for s in case.answering if (fits := _would_be_answers(case, s, alike, size))}
+    behind, whose = _mostly_behind(alike)
+    chance = at_least(len(behind), len(alike), case.total("asked", whose) / case.total("asked"))
+    if chance < ALONE and whose in told:
+        told = {whose: told[whose]}  # two joints may be near each other: not both have a second one
+        yield finding_of(
+            behind,
+            "behind-its-own-alone",
+            whose,
+            f"{len(behind)} of {len(alike)} such pieces came right behind an answer of servo {whose}",
+            "the second of two answers",
+            strength=_unlikely(chance),
+            brief=f"a second servo {whose} answers now and then",
+        )
+    for servo, fits in told.items():
+        yield finding_of(
+            fits,
+            "speaks-unasked",
+            servo,
+            f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
+            f"servo {servo}, where it is at the moment",
+            "would be an answer",
+            # all of it behind one servo's answers may as well be that one's second answers
+            strength=min(0.5 + len(fits) / 25, 0.9) * (EITHER if chance < ALONE else 1.0),
+            brief=f"servo {servo} speaks unasked",
+        )
+
+
+def _would_be_answers(case: Case, servo: int, pieces: Sequence[Damage], size: int) -> list[Damage]:
+    """Return pieces that tell where a servo is; none if as many would by chance."""
+    p = case.series(servo, "position")
+    if p is None or p.register.width != 1:
+        return []
+    t = np.array([d.t_ns for d in pieces])
+    low, high = (x / p.register.scale for x in in_force(p, t - NS // 4, t))
+    fits = [
+        d
+        for d, a, b in zip(pieces, low.tolist(), high.tolist(), strict=True)
+        if any(a - NEAR_RAW <= byte <= b + NEAR_RAW for byte in d.got)
+    ]
+    chance = float(np.mean(high - low + 2 * NEAR_RAW)) * size / 256
+    enough = max(UNASKED, BARE_SHARE * len(pieces), 2 * chance * len(pieces))
+    return fits if len(fits) >= enough else []
+
+
+RULES: Final[tuple[Rule, ...]] = (chatty, chatty_bare)
+"""The rules of this file."""
