@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, Severity
+from sniffer.simulation import Fault, simulate
 from tests.conversations import MS, TONGUES, Conversation, robot, through_usb, without_clock
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -315,3 +316,12 @@ def test_an_answer_that_is_missing_up_to_within_the_next_request_is_lost_by_the_
 
 def test_answers_and_requests_that_are_altered_are_not_lost_by_the_tap() -> None:
     assert "answered-though-torn" not in codes(few_holes((200, 500), altered=True).diagnosed())
+
+
+def test_without_times_a_request_behind_an_answer_is_no_sure_loss_of_the_tap() -> None:
+    # two bare bytes of an answer over the beginning of the next request leave what a hole leaves
+    frames = simulate("wck", seed=1, faults=[Fault("impatient", 0.02)], duration_s=12.0)
+    d = diagnosed(without_clock(chunks_of(frames)), "wck")
+    (told,) = (f for f in found(d) if f.code == "pieces-complete")
+    assert told.strength < 1
+    assert "request-swallowed" in codes(d)

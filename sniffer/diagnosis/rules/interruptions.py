@@ -103,6 +103,9 @@ SHARE: Final = 0.4
 """Share of torn answers: noise takes a request behind one in a hundred."""
 
 
+EITHER: Final = 0.6
+"""How much they count where no time tells that the request came within the answer."""
+
 NEARLY: Final = 0.8
 UNTIMED: Final = 5
 """The same where the stamps do not tell whether answer and request are torn in one go: of two
@@ -204,23 +207,26 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
 
     A bare answer that is spoken into holds as it is: what is left of the request is noise.
     """
-    if case.has_checksum or not case.has_clock or case.latency_ns > LATENCY_NS:
+    if case.has_checksum:
         return
     order, kinds = Order(case), case.ledger.exchanges.kinds
     stretches = case.ledger.exchanges.moments.stretches()
+    is_timed = case.has_clock and case.latency_ns <= LATENCY_NS
     judged, shown = 0, []
     for d in case.damages:
-        if d.behind != RESPONSE or not 0 <= d.since_ns <= case.ledger.byte_ns or not d.got:
+        follows = d.behind == RESPONSE and 0 <= d.since_ns <= case.ledger.byte_ns
+        if is_timed and not (follows and d.got):
             continue
+        judged += 1  # without times: a tap that loses bytes tears requests in the middle, too
         pair = _around(d.t_ns, stretches)
         if pair is None or min(pair) < 0 or pair[0] not in order.usual:
+            judged -= is_timed
             continue
-        judged += 1
         due = [kinds.example[k] for k in order.usual[pair[0]] if k >= 0]
-        left = [one for one in due if d.length < len(one) and d.got[-1] == one[-1]]
-        if left and order.skips_one(*pair):
+        left = [one for one in due if d.length < len(one) and d.got[-1:] == one[-1:]]
+        if left and d.behind == RESPONSE and order.skips_one(*pair):
             shown.append(d)
-    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
+    if len(shown) < (ENOUGH if is_timed else UNTIMED) or len(shown) < SHARE * judged:
         return
     yield finding_of(
         shown,
@@ -229,7 +235,8 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
         f"{len(shown)} of {judged} times bytes stand behind an answer, the request is missing that comes "
         "next in this controller's order, and its last byte ends them",
         "what is left of a request",
-        strength=min(0.5 + len(shown) / 10, 1.0),
+        # what the tap lost may leave such pieces as well, among others
+        strength=min(0.5 + len(shown) / 10, 1.0) * (1.0 if is_timed else EITHER),
         brief="requests are missing behind answers",
     )
 

@@ -6,6 +6,7 @@ Noise alters bytes, and a piece in which one is altered becomes no frame by what
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.holding import held
@@ -46,6 +47,9 @@ ALIKE: Final = 0.7
 
 BARE: Final = 2
 """Bytes of an answer without a header (wCK), which cannot be told from what stands before it."""
+
+EITHER: Final = 0.6
+"""How much pieces count that lack no more than such an answer has, where no time tells of a hole."""
 
 HEADER: Final = 2
 """Bytes that begin all frames alike: what has them lacks no beginning."""
@@ -116,7 +120,11 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
         f"{len(shown)} of {len(torn)} pieces ({len(of_requests)} of requests) lack nothing but bytes "
         "before them: no bit of them is altered"
     )
-    yield _told(shown, what, chance)
+    told = _told(shown, what, chance)
+    if not case.has_clock and not case.has_checksum and max(n for _, n in found.values()) <= BARE:
+        # a bare answer over the beginning of the next request leaves the same, and is an answer
+        told = replace(told, strength=told.strength * EITHER)
+    yield told
 
 
 def _line_ends(
