@@ -1,4 +1,4 @@
-"""A line that is read a few per cent too fast: bits that are read twice, and what looks so."""
+"""A line that is read a few per cent too fast, or too slowly, and what looks so."""
 
 from __future__ import annotations
 
@@ -50,6 +50,21 @@ def test_a_line_that_is_a_little_slower_than_its_receiver_is_read_at_a_wrong_rat
     (finding,) = (f for f in found(told) if f.code == "bits-read-twice")
     assert finding.value("baud") == runs
     assert f"the line runs at {runs} baud" in told.incidents()[0].story
+
+
+FASTER = [(250000, 230400), (128000, 115200), (115200, 100000)]
+
+
+@in_turn(3)
+@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(("runs", "read_at"), FASTER)
+def test_a_line_that_is_a_little_faster_than_its_receiver_is_no_controllers_fault(
+    runs: int, read_at: int, protocol: str, clock: bool
+) -> None:
+    """Three bytes FF begin a frame of mightyZAP at either rate, and nothing that follows."""
+    told = read(protocol, read_at / runs, baud=read_at, clock=clock)
+    assert verdicts(told.incidents()) == [("wrong-baud", ())]
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

@@ -19,6 +19,9 @@ wrong rate none had more than seven."""
 HEADED: Final = 5
 """Bytes of a beginning that are told apart: header, id and what follows."""
 
+CODE: Final = "code"
+"""The field of what is no command's code: an answer's errors, of which there are mostly none."""
+
 
 class Begun(NamedTuple):
     """Frames of a protocol that begin and do not hold.
@@ -47,12 +50,16 @@ def most_begun(head: bytes) -> Begun | None:
 
 
 def _begun(protocol: BusProtocol, head: bytes) -> Begun:
-    """Return what begins like frames of a protocol, with all that says whose they are."""
+    """Return what begins like frames of a protocol, with all that says whose they are.
+
+    A header of the same byte thrice is one at many rates; a command or an answer behind it is not.
+    """
     first: Counter[bytes] = Counter()
     size = 0
     for a, b in between(protocol, head):
         for gap in protocol.explain(head[a:b], a):
-            if gap.reason != "noise" and "fields" in gap.detail:
+            fields = gap.detail.get("fields")
+            if gap.reason != "noise" and fields is not None and not fields.get(CODE):
                 first[head[gap.start : gap.start + HEADED]] += 1
                 size += gap.length
     return Begun(protocol.name, first.total(), size, first)

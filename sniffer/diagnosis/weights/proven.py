@@ -60,6 +60,13 @@ _SUSPECTS: Final = (
 )
 """Causes that are concluded from torn frames, or from frames that are missing."""
 
+_OF_FRAMES: Final = (
+    *("brownout", "servo-reset-loop", "torque-off", "stall", "overheat", "overload"),
+    *("servo-refuses", "clock-drift", "duplicate-id", "id-changed", "chatty-device"),
+    *("goal-out-of-range", "position-jump"),
+)
+"""Causes that are concluded from what whole frames say."""
+
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         TAP_NOT_RAW,
@@ -96,6 +103,13 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         for cause in CAUSES
         if cause != WRONG_BAUD
         for weight in for_(cause, (READ_TWICE, -12.0, "at the right rate none of it may be there"))
+    ),
+    *(
+        weight
+        for cause in _OF_FRAMES
+        for weight in for_(
+            cause, ("nothing-holds", -5.0, "a frame that holds by chance says anything")
+        )
     ),
     *(
         weight
