@@ -161,6 +161,8 @@ def _rerun(name: str) -> Sink:
 
 
 def _console(times: str, color: bool | None) -> Sink:
+    from sniffer.sinks.intime import PLAYED
     from sniffer.sinks.text import TextSink
 
-    return Standard(TextSink(sys.stdout, color=color, times=times), sys.stdout, alone=True)
+    sink = TextSink(sys.stdout, color=color, times=times, waits=PLAYED)
+    return Standard(sink, sys.stdout, alone=True)

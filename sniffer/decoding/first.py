@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING
 
-from sniffer.decoding.detect import ENOUGH
+from sniffer.decoding.detect import CLEAR, ENOUGH, GUESSED, Mistake, UndecidedError, detect
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Chunk
 
 
@@ -38,3 +40,21 @@ class FirstBytes:
         if self._sizes.get(bus, ENOUGH) < ENOUGH:
             self._kept[bus] += chunks
             self._sizes[bus] += sum(len(c.data) for c in chunks)
+
+    def mistaken(self, summary: Summary, stated: Callable[[str], int | None]) -> list[Mistake]:
+        """Return the buses whose named protocol explains little, though another one does.
+
+        ``summary`` is of all that was decoded, ``stated`` returns the rate that a bus is said to
+        have.
+        """
+        out = []
+        for bus, chunks in self._kept.items():
+            totals = summary.buses.get(bus)
+            if totals is None or not totals.bytes or totals.bytes_in_frames > CLEAR * totals.bytes:
+                continue
+            with contextlib.suppress(UndecidedError):
+                found = detect(chunks, stated(bus))
+                share = totals.bytes_in_frames / totals.bytes
+                if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
+                    out.append(Mistake(bus, totals.protocol, share, found))
+        return out

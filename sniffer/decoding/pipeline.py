@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.alarms import refusal
 from sniffer.decoding.detect import (
-    CLEAR,
     ENOUGH,
-    GUESSED,
     SURE,
     Detection,
     Mistake,
@@ -24,7 +22,7 @@ from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.rates import Late
-from sniffer.decoding.sink import Paced, Tuned, act, closed, introduced, taken, written
+from sniffer.decoding.sink import Paced, Tuned, act, closed, introduced, over, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.runs import ChunkRun, by_bus
@@ -114,6 +112,8 @@ class Pipeline:
         for bus, chunks in by_bus(group).items():
             self.record(bus, chunks)
             self.decode(bus, chunks)
+        heard_ns = max((d.heard_ns for d in self._decoders.values()), default=0)
+        self._pass(heard_ns - AFTER_NS if heard_ns > 0 else None)
 
     def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Hand chunks to the sinks as they came, before they are decoded."""
@@ -175,6 +175,7 @@ class Pipeline:
                 silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
                 self.record(bus, [silent])
             self._deliver(bus, parts)
+        self._pass(now_ns)
 
     def skip(self, bus: str, count: int, chunk: Chunk) -> None:
         """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
@@ -252,17 +253,7 @@ class Pipeline:
 
     def mistaken(self) -> list[Mistake]:
         """Return the buses whose named protocol explains little, though another one does."""
-        out = []
-        for bus, chunks in self.first.kept.items():
-            totals = self.summary.buses.get(bus)
-            if totals is None or not totals.bytes or totals.bytes_in_frames > CLEAR * totals.bytes:
-                continue
-            with contextlib.suppress(UndecidedError):
-                found = detect(chunks, self._stated(bus))
-                share = totals.bytes_in_frames / totals.bytes
-                if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
-                    out.append(Mistake(bus, totals.protocol, share, found))
-        return out
+        return self.first.mistaken(self.summary, self._stated)
 
     def unmet(self) -> list[str]:
         """Tell of rules that no servo of any bus can meet, each in a sentence."""
@@ -378,6 +369,12 @@ class Pipeline:
             alarms=self._options.alarms,
             base=self._begin.get(bus, 0),
         )
+
+    def _pass(self, until_ns: int | None) -> None:
+        """Tell the sinks that a pass is over, and what of it is not decided."""
+        waits = {bus for bus, decoder in self._decoders.items() if decoder.pending}
+        waits |= {bus for bus, chunks in self._waiting.items() if any(c.data for c in chunks)}
+        self._each(functools.partial(over, until_ns=until_ns, open_buses=waits))
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         self.first.keep(bus, chunks)

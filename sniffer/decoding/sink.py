@@ -8,7 +8,7 @@ from sniffer.ground.model import Batch, OutputError
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
@@ -72,6 +72,19 @@ class Tuned(Protocol):
 
 
 @runtime_checkable
+class Timely(Protocol):
+    """A sink that tells what several buses say in the order of time."""
+
+    def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
+        """Learn that a pass is over.
+
+        All that was said before ``until_ns`` was told, but for what is not decided yet of
+        ``open_buses``. None: there are no times.
+        """
+        ...
+
+
+@runtime_checkable
 class Narrowed(Protocol):
     """A sink that says of what it writes that it is not all there is."""
 
@@ -130,6 +143,12 @@ def written(sink: Sink, *, bus: str, parts: Sequence[Part]) -> None:
         return
     for protocol, batch in parts:
         sink.write(bus, protocol, batch)
+
+
+def over(sink: Sink, *, until_ns: int | None, open_buses: Collection[str]) -> None:
+    """Tell a sink that a pass is over, if it wants to know."""
+    if isinstance(sink, Timely):
+        sink.passed(until_ns, open_buses)
 
 
 def closed(sink: Sink) -> None:

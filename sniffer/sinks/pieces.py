@@ -10,18 +10,22 @@ import pickle
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
-from sniffer.decoding.sink import taken, written
+from sniffer.decoding.sink import over, taken, written
 from sniffer.ground.files import open_binary, writing
 from sniffer.ground.pickling import write_pickle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Part, Sink
     from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+
+
+_TAKEN, _WRITTEN, _OVER = "taken", "written", "over"
+"""What a sink was told, in the file of a piece."""
 
 
 class PieceMaker(Protocol):
@@ -97,12 +101,15 @@ def join(sink: Sink, piece: Path, told: WrittenElsewhere) -> None:
     with piece.open("rb") as file:
         while True:
             try:
-                bus, chunks, said = pickle.load(file)
+                what, *told_then = pickle.load(file)
             except EOFError:
                 return
-            if chunks:
-                taken(sink, bus=bus, chunks=chunks)
-            if said:
+            if what == _OVER:
+                over(sink, until_ns=told_then[0], open_buses=told_then[1])
+            elif what == _TAKEN:
+                taken(sink, bus=told_then[0], chunks=told_then[1])
+            else:
+                bus, said = told_then
                 written(sink, bus=bus, parts=told.given(bus, said))
 
 
@@ -124,7 +131,7 @@ class BatchPiece:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Write chunks."""
-        self._write(bus, chunks, ())
+        self._write(_TAKEN, bus, chunks)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write a batch."""
@@ -132,11 +139,15 @@ class BatchPiece:
 
     def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Write what several protocols said in one pass; which rows are shown is found out anew."""
-        self._write(bus, (), [(p.name, replace(batch, chosen=None)) for p, batch in parts])
+        self._write(_WRITTEN, bus, [(p.name, replace(batch, chosen=None)) for p, batch in parts])
 
-    def _write(self, bus: str, chunks: Sequence[Chunk], said: Sequence[tuple[str, Batch]]) -> None:
+    def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
+        """Write that a pass is over."""
+        self._write(_OVER, until_ns, open_buses)
+
+    def _write(self, what: str, *told: object) -> None:
         with writing(self._path):
-            write_pickle((bus, chunks, said), self._file)
+            write_pickle((what, *told), self._file)
 
     def close(self) -> None:
         """Finish the file."""

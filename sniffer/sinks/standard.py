@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
-from sniffer.decoding.sink import Calling, Narrowed, Paced, Part, Sink, written
+from sniffer.decoding.sink import Calling, Narrowed, Paced, Part, Sink, over, written
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.ground.streams import silence
 from sniffer.sinks.pieces import join, pieces_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
     from typing import Any, TextIO
 
@@ -66,6 +66,13 @@ class Standard:
         with self._listening():
             if self._open:
                 written(self._sink, bus=bus, parts=parts)
+                self._stream.flush()
+
+    def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
+        """Pass on that a pass is over."""
+        with self._listening():
+            if self._open:
+                over(self._sink, until_ns=until_ns, open_buses=open_buses)
                 self._stream.flush()
 
     def pieces(self) -> PieceMaker:

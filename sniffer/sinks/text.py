@@ -16,16 +16,18 @@ from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
+from sniffer.sinks.intime import FIRST_NS, READ, InTime
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from rich.console import Console
 
     from sniffer.decoding.called import ServoNames
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.intime import Waits
 
 WIDE: Final = 120
 """From this width on the table has microseconds and a column for the bus."""
@@ -48,7 +50,13 @@ UNCUT: Final = sum(WIDTHS) + len(WIDTHS) + VALUES + BYTES + 1
 """The width from which on all columns are there; a line that is not cut has at least that."""
 
 NARROW: Final = (12, IDS, 1, 15, 12)
-"""Widths on a narrow one: time, id, kind, command; verdict."""
+"""Widths on a narrow one: time, id, kind, command; verdict. Several buses have a column, too."""
+
+BUS: Final = 3, 5
+"""Columns that names of buses have on a narrow terminal, at least and at most."""
+
+BUS_WIDE: Final = 5, 12
+"""The same on a wide one."""
 
 _STYLES: Final = {
     "error": Style(color="red"),
@@ -80,7 +88,8 @@ class _Laid(NamedTuple):
 class TextSink:
     """Writes to a stream, as wide as its terminal; elsewhere nothing is cut.
 
-    ``color`` None asks the stream whether it is a terminal; ``times`` is one of ``TIMES``.
+    ``color`` None asks the stream whether it is a terminal; ``times`` is one of ``TIMES``;
+    ``waits`` is how long a line waits for those that other buses may have before it.
     """
 
     def __init__(
@@ -90,6 +99,7 @@ class TextSink:
         width: int | None = None,
         color: bool | None = None,
         times: str = ABSOLUTE,
+        waits: Waits = READ,
     ) -> None:
         self._console = console_for(stream, color=color, width=width)
         self._stream = stream
@@ -104,9 +114,11 @@ class TextSink:
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
-        self._lay_out(IDS)
-        self._headed = False
-        self._bus: str | None = None
+        self._ids = IDS
+        self._lines = InTime[_Laid](waits)
+        self._widths: list[int] = []
+        """Of the columns, once there is a line."""
+        self._with_bytes = self._with_bus = False
         self._shown: dict[str, str] = {}
         """Buses as lines name them."""
 
@@ -118,30 +130,30 @@ class TextSink:
         self._summary.names = names
         if names and self._wide:
             ids = IDS + 1 + max(map(len, names.known))
-            if self._is_cut:
-                ids = min(ids, NAMES)
-            else:
-                self._width += ids - IDS
-            self._lay_out(ids)
+            self._ids = min(ids, NAMES) if self._is_cut else ids
 
-    def _lay_out(self, ids: int) -> None:
-        """Say how wide the columns are, that of ids among them."""
-        room = self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)) - (ids - IDS)
-        self._room = max(room, 12)
-        self._with_bytes = self._wide and self._room > VALUES + BYTES
-        self._widths = [*NARROW[:4], self._room, NARROW[4]]
-        if self._wide:
-            self._widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
-            self._widths[2] = ids
-        if self._with_bytes:
-            self._widths[5:6] = [VALUES, self._room - VALUES - 1]
+    def _lay_out(self, buses: Iterable[str]) -> None:
+        """Say how wide the columns are, where these buses are heard."""
+        shown = {bus: short(plain(bus)) for bus in buses}
+        self._with_bus = self._wide or len(shown) > 1
+        least, most = BUS_WIDE if self._wide else BUS
+        room = max(least, *map(len, shown.values()))
+        room = min(room, most) if self._is_cut else room
+        self._shown.update(_told_apart(shown, room))
+        time, *_, kind, command, verdict = WIDTHS if self._wide else NARROW
+        before = [time, *[room] * self._with_bus, self._ids, kind, command]
+        left = max(self._width - sum(n + 1 for n in (*before, verdict)), 12)
+        left = left if self._is_cut else VALUES + BYTES + 1
+        self._with_bytes = self._wide and left > VALUES + BYTES
+        values = [VALUES, left - VALUES - 1] if self._with_bytes else [left]
+        self._widths = [*before, *values, verdict]
 
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what of it is written: instead of a summary of all, that is told at the end."""
         self._summary.narrow(told)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Write a line for each frame and gap of the batch, in wire order."""
+        """Take a line for each frame and gap of the batch, in wire order."""
         self.write_together(bus, [(protocol, batch)])
 
     def write_together(self, bus: str, parts: Sequence[tuple[BusProtocol, Batch]]) -> None:
@@ -150,21 +162,37 @@ class TextSink:
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
             self._diagnosis.write(bus, protocol, batch)
-            lines += self._lines(bus, protocol, batch)
+            lines += self._lines_of(bus, protocol, batch)
         lines.sort(key=lambda line: line.start)
-        if not lines:
-            return
-        if not self._headed:
-            self._headed = True
-            self._stream.write(self._paint("head", self._line(HEAD, bus="bus")) + "\n")
-        elif not self._wide and bus != self._bus:
-            self._stream.write(
-                self._paint("head", fit(f"{plain(bus)}:", self._width).rstrip()) + "\n"
-            )
-        self._bus = bus
-        self._stream.write("\n".join(self._laid_out(line, bus) for line in lines) + "\n")
+        if lines:
+            self._lines.add(bus, [(line.t_ns, line) for line in lines])
 
-    def _lines(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
+    def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
+        """Write the lines that are due: those of all buses in the order of time."""
+        if until_ns is None:
+            self._print(self._lines.as_told())
+        else:
+            self._print(self._lines.until(until_ns, open_buses))
+
+    def _print(self, due: Sequence[tuple[str, _Laid]]) -> None:
+        if not due:
+            return
+        told = []
+        if not self._widths:
+            begun = due[0][1].t_ns + FIRST_NS
+            self._lay_out(sorted({bus for bus, line in due if line.t_ns < begun}))
+            told.append(self._head())
+        for bus, line in due:
+            if bus not in self._shown and not self._with_bus:
+                self._lay_out([*self._shown, bus])
+                told.append(self._head())
+            told.append(self._laid_out(line, bus))
+        self._stream.write("\n".join(told) + "\n")
+
+    def _head(self) -> str:
+        return self._paint("head", self._line(HEAD, bus="bus"))
+
+    def _lines_of(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
         f = batch.frames
         verdicts = _verdicts(batch)
         rows = np.flatnonzero(meant(batch)).tolist()
@@ -197,8 +225,9 @@ class TextSink:
                 yield self._anomaly(batch, self._summary.names.on(bus, batch.anomalies[i]))
 
     def close(self) -> None:
-        """Write the summary."""
-        if self._headed:
+        """Write what waits, and the summary."""
+        self._print(self._lines.rest())
+        if self._widths:
             self._stream.write("\n")
         narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
@@ -266,14 +295,14 @@ class TextSink:
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
         time, servo, kind, op, values, verdict = cells
         row = [time, servo.rjust(IDS), kind, op, values, verdict]
-        if self._widths[2] > IDS and servo.isdecimal():
-            name, room = self._summary.names.of(bus, int(servo)) or "", self._widths[2]
+        if self._ids > IDS and servo.isdecimal():
+            name, room = self._summary.names.of(bus, int(servo)) or "", self._ids
             row[1] = f"{row[1]} {plain(name)}".rstrip()
             row[1] = row[1] if len(row[1]) <= room else f"{row[1][: room - 1]}…"
-        if self._wide:
+        if self._with_bus:
             row.insert(1, self._shown.get(bus) or self._shown.setdefault(bus, short(plain(bus))))
         if self._with_bytes:
-            row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")
+            row.insert(-1, raw.hex(" ").upper() if raw is not None else "bytes")
         lay = fit if self._is_cut else str.ljust
         return " ".join(map(lay, row, self._widths)).rstrip()
 
@@ -287,6 +316,13 @@ class TextSink:
 
 HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 """Titles of the columns."""
+
+
+def _told_apart(shown: Mapping[str, str], room: int) -> dict[str, str]:
+    """Return names of buses that have room: where they begin alike, their ends."""
+    begins = {bus: fit(name, room).rstrip() for bus, name in shown.items()}
+    ends = {bus: n if len(n) <= room else f"…{n[1 - room :]}" for bus, n in shown.items()}
+    return max(begins, ends, key=lambda names: len(set(names.values())))
 
 
 def _system(console: Console) -> Any:

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import os
 import sys
 import threading
 import time
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, Self, TextIO, cast
 
 from sniffer.decoding.sink import written
 from sniffer.ground.wording import one_line
+from sniffer.sinks.intime import LIVE
 from sniffer.sinks.text import TextSink
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.board.controls import Controls
@@ -26,7 +28,7 @@ from sniffer.viewers.outlet import Outlet, StalledError
 from sniffer.viewers.terminal import TerminalPicture
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.sink import Part
@@ -63,6 +65,15 @@ ITEMS: Final = 10_000
 
 SCREEN_END_S: Final = 1.0
 """How long the end of a recording waits for the screen."""
+
+
+class _Queued(NamedTuple):
+    """What waits to be shown, and how much it is."""
+
+    shown: Callable[[], None]
+    records: int = 0
+    size: int = 0
+    frames: int = 0
 
 
 def usual_mode(stream: TextIO) -> str:
@@ -106,7 +117,9 @@ class Screen:
         self._out = Outlet(stream)
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
-        self._log = TextSink(cast("TextIO", self._out), color=color) if mode == LOG else None
+        self._log: TextSink | None = None
+        if mode == LOG:
+            self._log = TextSink(cast("TextIO", self._out), color=color, waits=LIVE)
         self._selection = selection
         if self._log is not None and selection is not None:
             self._log.narrow({"where": selection.text, "tables": list(selection.tables)})
@@ -116,7 +129,7 @@ class Screen:
         if self._picture is not None and self._board is not None:
             self._board.controls = Controls()
             self._board.watch(selection)
-        self._queue: deque[tuple[Any, ...]] = deque()
+        self._queue: deque[_Queued] = deque()
         self._lock = threading.Lock()
         self._records = self._bytes = 0
         self._sayings: deque[str] = deque(maxlen=100)
@@ -130,7 +143,8 @@ class Screen:
         """Hand chunks over; the log has no use for them."""
         if self._board is not None:
             size = sum(len(chunk.data) for chunk in chunks)
-            self._put((bus, tuple(chunks)), len(chunks), size, 0)
+            heard = functools.partial(self._board.raw, bus, tuple(chunks))
+            self._put(_Queued(heard, len(chunks), size))
 
     def call(self, names: ServoNames) -> None:
         """Have it show servos by name."""
@@ -148,7 +162,13 @@ class Screen:
         for _, b in parts:
             records += len(b.frames) + len(b.values) + len(b.gaps) + len(b.anomalies)
             frames += len(b.frames)
-        self._put((bus, None, parts), records, len(parts[0][1].data), frames)
+        told = functools.partial(self._tell, bus, parts)
+        self._put(_Queued(told, records, len(parts[0][1].data), frames))
+
+    def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
+        """Hand on that a pass is over; the board has no use for it."""
+        if self._log is not None:
+            self._put(_Queued(functools.partial(self._log.passed, until_ns, open_buses)))
 
     def say(self, message: str) -> None:
         """Show a line for the user, above the board where there is one."""
@@ -196,22 +216,22 @@ class Screen:
         """Tell whether nobody took what was written before the screen was closed."""
         return self._thread.is_alive() or isinstance(self._ended, StalledError)
 
-    def _put(self, item: tuple[Any, ...], records: int, size: int, frames: int) -> None:
+    def _put(self, item: _Queued) -> None:
         with self._lock:
             if self._silent:
                 return
-            full = self._records + records > RECORDS or self._bytes + size > BYTES
+            full = self._records + item.records > RECORDS or self._bytes + item.size > BYTES
             if self._queue and (full or len(self._queue) >= ITEMS):
-                self.dropped += frames
+                self.dropped += item.frames
                 return
-            self._records += records
-            self._bytes += size
-            self._queue.append((item, records, size, frames))
+            self._records += item.records
+            self._bytes += item.size
+            self._queue.append(item)
 
     def _forget(self) -> None:
         """Leave out what waits, and what will come; the lock is held."""
         self._silent = True
-        self.dropped += sum(frames for _, _, _, frames in self._queue)
+        self.dropped += sum(item.frames for item in self._queue)
         self._queue.clear()
 
     # From here on everything runs in the thread.
@@ -260,20 +280,21 @@ class Screen:
             with self._lock:
                 if not self._queue:
                     break
-                item, records, size, _ = self._queue.popleft()
-                self._records -= records
-                self._bytes -= size
-            for sink in (self._board, self._log):
-                if sink is not None:
-                    if len(item) == 3:
-                        parts = self._selected(*item) if sink is self._log else item[2]
-                        written(sink, bus=item[0], parts=parts)
-                    else:
-                        sink.raw(*item)
+                item = self._queue.popleft()
+                self._records -= item.records
+                self._bytes -= item.size
+            item.shown()
             if self._log is not None:
                 self._out.flush()
 
-    def _selected(self, bus: str, _: object, parts: Sequence[Part]) -> Sequence[Part]:
+    def _tell(self, bus: str, parts: Sequence[Part]) -> None:
+        """Show what one pass decided."""
+        if self._board is not None:
+            written(self._board, bus=bus, parts=parts)
+        if self._log is not None:
+            written(self._log, bus=bus, parts=self._selected(bus, parts))
+
+    def _selected(self, bus: str, parts: Sequence[Part]) -> Sequence[Part]:
         """Return what a log is given: which rows of it are shown, too."""
         selection = self._selection
         if selection is None:
