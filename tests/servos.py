@@ -21,8 +21,8 @@ BEGAN_NS = 1_700_000_000 * NS
 
 @functools.cache
 def suffering(protocol: str, fault: str = "", seconds: float = 14.0, seed: int = 1) -> Diagnosis:
-    """Return the diagnosis of a simulated bus with one fault, tapped with an exact clock."""
-    faults = [read_fault(fault)] if fault else []
+    """Return the diagnosis of a simulated bus with faults (a word each), by an exact clock."""
+    faults = [read_fault(word) for word in fault.split()]
     frames = simulate(protocol, seed=seed, faults=faults, duration_s=seconds, start_ns=BEGAN_NS)
     return diagnosed(chunks_of(frames), protocol)
 

@@ -12,7 +12,7 @@ from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least
-from sniffer.diagnosis.damage import IN_REQUEST
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
@@ -23,11 +23,12 @@ from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -35,6 +36,12 @@ FINDINGS: Final = (
         "device",
         "What a servo says unasked comes right behind its own answers, to the same questions, and nowhere else.",
         "Second answers in a row, and so few elsewhere that one who speaks at any time would stand there once in a hundred times: behind its own exchanges as often as it is asked. Then a second servo of the same id answers some of what it is asked.",
+    ),
+    FindingCode(
+        "torn-elsewhere",
+        "line",
+        "Beside a device that speaks unasked frames are torn where it says nothing.",
+        "Torn frames of two servos and of requests, more than 64 bytes from all that the device says unasked, twice as many as it says words.",
     ),
     FindingCode(
         "unasked-now-and-then",
@@ -58,6 +65,21 @@ ALONE: Final = 1e-2
 
 EITHER: Final = 0.5
 """How much counts what one servo may have said as well as another one."""
+
+_HEARD_AS: Final = (
+    "unsolicited-response",
+    "duplicate-response",
+    "late-response",
+    "mismatched-response",
+)
+"""What a word that nobody asked for is told as."""
+
+WORD: Final = 64
+"""Bytes from the beginning of a word that it may tear: itself, and a request with its answer."""
+
+OFTENER: Final = 2
+"""Torn frames a word from which on it is not words that tear them: of a word that is torn beyond
+knowing there may be one for each that is whole."""
 
 SELDOM: Final = 1 / 3
 """Part of the exchanges behind which a second servo surely would be heard."""
@@ -93,13 +115,19 @@ def chatty(case: Case) -> Iterator[Finding]:
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, said in case.once(seldom_answered).items():
         unasked[servo] = unasked.get(servo, 0) + said.n
+    shares = {s: case.total("asked", s) / max(case.total("asked"), 1) for s in unasked}
+    seconds = {s: min(_seconds(case, s, ends), n) for s, n in unasked.items()}
+    chances = {s: at_least(seconds[s], n, shares[s]) for s, n in unasked.items()}
     for servo, n in unasked.items():
         if n < UNASKED:
             continue
-        others = sum(unasked.values()) - n
+        # the second answers of another one of two are what that one says
+        others = sum(
+            unasked[s] - seconds[s] * (p < ALONE) for s, p in chances.items() if s != servo
+        )
         missing = case.total("missing", servo) + case.total("damaged", servo)
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
-        share = case.total("asked", servo) / max(case.total("asked"), 1)
+        share = shares[servo]
         is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
         if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
@@ -131,25 +159,28 @@ def chatty(case: Case) -> Iterator[Finding]:
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
-        seconds = case.anomalies("duplicate-response", servo_id=servo)
-        rows = case.alarm_rows("duplicate-response", servo_id=servo)
-        # what stands right behind a torn request is the answer to it
-        behind = int(case.alarms["n"][rows].sum()) - int(np.isin(seconds.at, list(ends)).sum())
-        chance = at_least(min(behind, n), n, share)
-        if chance < ALONE:
+        if chances[servo] < ALONE:
             yield Finding(
                 "behind-its-own-alone",
                 servo,
                 since,
                 until,
-                behind,
-                f"{behind} of {n} that servo {servo} said unasked came right behind its own answer to "
+                seconds[servo],
+                f"{seconds[servo]} of {n} that servo {servo} said unasked came right behind its own answer to "
                 f"the same request, which {share:.0%} of the requests are",
-                case.places(seconds, "the second of two answers"),
-                strength=_unlikely(chance),
+                case.places(
+                    case.anomalies("duplicate-response", servo_id=servo),
+                    "the second of two answers",
+                ),
+                strength=_unlikely(chances[servo]),
                 brief=f"a second servo {servo} answers now and then",
             )
             continue
+        # a word behind a torn request looks like a late answer to it
+        heard = case.anomalies(*_HEARD_AS, servo_id=servo)
+        words = np.sort([*heard.at.tolist(), *(d.at for d in begun)])
+        if len(words) >= n:
+            yield from _apart(case, servo, words, since, until)
         answers = case.answers
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
@@ -173,6 +204,40 @@ def chatty(case: Case) -> Iterator[Finding]:
                 f"servo {servo} said something more behind {more} of {ok} exchanges at most",
                 strength=min(1.0, (SELDOM * ok - more) / more),
             )
+
+
+def _seconds(case: Case, servo: int, ends: Set[int]) -> int:
+    """Return how often a servo answered twice in a row.
+
+    What stands right behind a torn request, of which ``ends`` are the ends, is the answer to it.
+    """
+    events = case.anomalies("duplicate-response", servo_id=servo)
+    rows = case.alarm_rows("duplicate-response", servo_id=servo)
+    return int(case.alarms["n"][rows].sum()) - int(np.isin(events.at, list(ends)).sum())
+
+
+def _apart(case: Case, servo: int, words: I64, since: int, until: int) -> Iterator[Finding]:
+    """Yield that frames are torn where a device says nothing, if that is most of them by far."""
+    torn = [d for d in case.damages if since <= d.t_ns <= until]
+    at = np.array([d.at for d in torn], np.int64)
+    row = np.searchsorted(words, at)
+    behind = at - words[np.maximum(row - 1, 0)]
+    before = words[np.minimum(row, len(words) - 1)] - at
+    is_apart = np.minimum(np.abs(behind), np.abs(before)) > WORD
+    apart = [d for d, far in zip(torn, is_apart.tolist(), strict=True) if far]
+    senders = {d.servo_id for d in apart if d.turn == IN_REPLY}
+    asked = sum(d.turn == IN_REQUEST for d in apart)
+    if len(apart) < OFTENER * len(words) or len(senders) < 2 or not asked:
+        return
+    yield finding_of(
+        apart,
+        "torn-elsewhere",
+        None,
+        f"{len(apart)} of {len(torn)} torn frames, {asked} of them requests, are more than {WORD} "
+        f"bytes from all that servo {servo} says unasked",
+        "torn, and nobody speaks unasked here",
+        brief="frames are torn elsewhere, too",
+    )
 
 
 def _is_stranger(case: Case, servo: int) -> bool:

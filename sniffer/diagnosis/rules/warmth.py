@@ -144,7 +144,7 @@ def temperature(case: Case) -> Iterator[Finding]:
             f"{seconds:.1f} s; {of} {t.told(limit)}",
             (Place(int(t.at[top]), 1, int(t.t_first[top]), f"temperature {t.told(t.high[top])}"),),
             strength=min(0.4 + rise / 50, 1.0),
-            brief=f"servo {servo} heats up by {rise:.0f} {t.unit}",
+            brief=f"servo {servo} heats up by {t.told(round(rise))}",
         )
 
 

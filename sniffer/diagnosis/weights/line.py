@@ -86,6 +86,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-alone", 0.5, "a pulse alone makes a byte"),
         ("damage-in-answers", 0.5, "answers are hit"),
         ("damage-in-requests", 1.5, "requests are hit"),
+        ("torn-elsewhere", 3.0, "all senders are hit, and not only where somebody speaks unasked"),
         ("damage-one-servo", -3.0, "only one servo is hit"),
         ("same-bit", -3.0, "noise does not choose a bit"),
         ("one-way-bits", -2.5, "noise goes both ways"),

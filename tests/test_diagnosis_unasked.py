@@ -1,0 +1,22 @@
+"""Devices that speak unasked beside other faults: each is told, and neither hides the other."""
+
+from __future__ import annotations
+
+from tests.diagnosed import codes, verdicts
+from tests.servos import suffering
+
+
+def test_frames_torn_where_a_device_says_nothing_are_not_its_doing() -> None:
+    d = suffering("rs30x", "chatty:2:6% flip:2.5%", 12.0)
+    assert "torn-elsewhere" in codes(d)
+    assert verdicts(d.incidents()) == [("chatty-device", (2,)), ("bus-noise", ())]
+
+
+def test_what_a_device_itself_speaks_into_is_not_torn_elsewhere() -> None:
+    for fault in ("chatty:2:20%", "flip:2.5%"):
+        assert "torn-elsewhere" not in codes(suffering("rs30x", fault, 12.0))
+
+
+def test_the_second_answers_of_one_servo_do_not_hide_another_ones_words() -> None:
+    d = suffering("rs30x", "chatty:1:8% duplicate-id:2:40%", 12.0)
+    assert verdicts(d.incidents()) == [("chatty-device", (1,)), ("duplicate-id", (2,))]
