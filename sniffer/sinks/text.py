@@ -229,6 +229,7 @@ class TextSink:
         self._print(self._lines.rest())
         if self._widths:
             self._stream.write("\n")
+            self._stream.flush()  # a reader who is gone is told here, and not to the console
         narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
             if not self._is_cut:
