@@ -18,6 +18,7 @@ from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNS
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import MS, MarkKind, Severity
+from sniffer.protocols.base import shared_ids
 from sniffer.statistics.figures import (
     BYTES,
     DRAWN,
@@ -58,6 +59,7 @@ class LaneFigures:
         self._kinds = kinds
         self._column = np.array([kinds.index(t) if t[0] else -1 for t in told], np.int64)
         self._nobody = np.array([-1, *protocol.everyone])
+        self._shared = shared_ids(protocol)
         self.motion = Motion(protocol)
         self._book = GoalBook(protocol)
 
@@ -75,9 +77,9 @@ class LaneFigures:
     def _meet(self, batch: Batch) -> None:
         f = batch.frames
         said = f.kind == RESPONSE
-        met = f.servo_id[said | (f.reply != NEVER)]
-        for servo in distinct(met)[0].tolist():
-            if servo not in self._nobody:
+        asked = (f.reply != NEVER) & ~np.isin(f.servo_id, self._nobody)
+        for servo in distinct(f.servo_id[said | asked])[0].tolist():
+            if servo not in self._shared:
                 self.servos.setdefault(servo, ServoFigures())
         servos, _, counts = distinct(f.servo_id[said])
         for servo, n in zip(servos.tolist(), counts.tolist(), strict=True):
