@@ -17,7 +17,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNSOLICITED, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import MS, MarkKind, Severity
+from sniffer.ground.model import ECHO, MS, MarkKind, Severity
 from sniffer.protocols.base import shared_ids
 from sniffer.statistics.figures import (
     BYTES,
@@ -28,6 +28,7 @@ from sniffer.statistics.figures import (
     SHORTEST,
     TROUBLE,
     UNCLAIMED,
+    Answers,
     Extreme,
     Range,
     ServoFigures,
@@ -81,10 +82,12 @@ class LaneFigures:
         for servo in distinct(f.servo_id[said | asked])[0].tolist():
             if servo not in self._shared:
                 self.servos.setdefault(servo, ServoFigures())
-        servos, _, counts = distinct(f.servo_id[said])
-        for servo, n in zip(servos.tolist(), counts.tolist(), strict=True):
+        rows = np.flatnonzero(said & (f.flags & ECHO == 0))
+        for servo in distinct(f.servo_id[rows])[0].tolist():
             if servo in self.servos:
-                self.servos[servo].responses += n
+                own = rows[f.servo_id[rows] == servo]
+                told = Answers(f.t_end[own], f.uncertainty[own], batch.base + f.start[own])
+                self.servos[servo].hear(told)
 
     def _count_answers(self, batch: Batch, grid: Grid) -> None:
         f, t = batch.frames, batch.transactions
