@@ -161,16 +161,38 @@ def two_buses(tmp_path: Path) -> Path:
     return path
 
 
-def test_two_buses_are_told_apart_at_any_width(
+def test_two_buses_are_told_apart_at_any_width_in_the_order_of_time(
     two_buses: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:
-    wide = shown(capsys, monkeypatch, two_buses, 140)
-    assert sum(" elbow " in line for line in table_of(wide)[1]) == 14
-    assert "elbow:" not in table_of(wide)[1]
-    narrow = table_of(shown(capsys, monkeypatch, two_buses, 80))[1]
-    assert narrow.count("elbow:") == 1
-    assert len(narrow) == 29
-    assert narrow.index("elbow:") == 14
+    for width in (80, 140):
+        head, lines = table_of(shown(capsys, monkeypatch, two_buses, width))
+        assert head.split()[1] == "bus"
+        assert [line.split()[1] for line in lines] == ["bus0", "elbow"] * 14
+        times = [line.split()[0] for line in lines]
+        assert times == sorted(times)
+
+
+def test_a_bus_that_is_heard_late_gets_a_column_from_then_on(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    early = log(talk(2)).splitlines()
+    late = [line.replace("bus0", "elbow").replace("1700000000", "1700000009") for line in early]
+    path = tmp_path / "late.log"
+    path.write_text("\n".join(early + late))
+    assert path.read_text().count("1700000009")
+    head, lines = table_of(shown(capsys, monkeypatch, path, 80))
+    assert "bus" not in head.split()
+    assert lines[14].split()[:2] == ["time", "bus"]
+    assert [line.split()[1] for line in lines[15:]] == ["elbow"] * 14
+
+
+def test_names_of_buses_that_begin_alike_are_told_by_their_ends(
+    two_buses: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    text = two_buses.read_text().replace("bus0", "left_arm").replace("elbow", "left_leg")
+    two_buses.write_text(text)
+    lines = table_of(shown(capsys, monkeypatch, two_buses, 80))[1]
+    assert [line.split()[1] for line in lines[:2]] == ["…_arm", "…_leg"]
 
 
 def test_the_name_of_a_bus_cannot_steer_the_terminal(

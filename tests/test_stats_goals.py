@@ -43,9 +43,10 @@ def test_a_goal_step_settles_between_two_positions_and_overshoots_as_seen() -> N
     assert high - low <= 14 * MS
 
 
-def test_a_position_under_the_id_that_is_everyone_is_no_servos_own() -> None:
+def test_a_position_under_the_id_that_may_be_everyone_is_of_no_other_servo() -> None:
     chunks = [*exchange(0), *goal(10, 2000), *exchange(20, 500, servo=0), *exchange(30, 2000)]
-    (servo,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["servos"]
+    zero, servo = counted("mightyzap", chunks, baud=57600)["buses"][0]["servos"]
+    assert (zero["servo_id"], zero["following_error"]) == (0, [])
     (error,) = servo["following_error"]
     assert (error["size"]["count"], error["worst"]["value"]) == (1, 0)
 

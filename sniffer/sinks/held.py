@@ -14,6 +14,7 @@ from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED
 from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import plain, short
+from sniffer.protocols.base import shared_ids
 from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
 from sniffer.sinks.tabulated import Tabulated, number
 
@@ -91,11 +92,9 @@ def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None
 
 
 def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str:
-    everyone = {who for held in mine for who in held.protocol.everyone}
+    everyone = {who for held in mine for who in shared_ids(held.protocol)}
     told = [
-        "all"
-        if held.servo_id in everyone or held.servo_id < 0
-        else glued(names.label(held.bus, held.servo_id))
+        "all" if held.servo_id in everyone else glued(names.label(held.bus, held.servo_id))
         for held in mine
     ]
     return ", ".join(told)

@@ -124,6 +124,7 @@ def _tables(
             _traffic(bus, many=many),
         ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
+        ("when each servo was heard, silent longest first", _heard(bus, first, many=many)),
         ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
         ("following error (goal less position), greatest first", error_table(bus, first)),
         ("lag behind goals that move, longest first", lag_table(bus)),
@@ -216,6 +217,32 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         told = f"at most {percent(wilson(0, n)[1])}"
         name = "all others" if worst else "all"
         table.add_row("", name, str(n), "0", "0 %", told, "0", "")
+    return table
+
+
+def _heard(bus: Mapping[str, Any], first: int, *, many: bool) -> Tabulated | None:
+    if bus["load"] is None or not bus["servos"]:
+        return None
+    table = Tabulated("servo", "answers", "first s", "last s", "since then s", left=left_of(bus))
+    for column in ("longest pause ms", "from s"):
+        table.add_column(column)
+    ends = {n: s["last_answer"] or {"t_ns": first} for n, s in enumerate(bus["servos"])}
+    for n in sorted(ends, key=lambda n: ends[n]["t_ns"]):
+        s, silent_ns = bus["servos"][n], bus["last_ns"] - ends[n]["t_ns"]
+        cells = (
+            ["never", ""]
+            if s["last_answer"] is None
+            else [seconds_of(s[end]["t_ns"], first, bus) for end in ("first_answer", "last_answer")]
+        )
+        pause = s["longest_pause"]
+        told = (
+            ["", ""]
+            if pause is None
+            else [ms_of(pause, "value_ns"), seconds_of(pause["t_ns"], first, bus)]
+        )
+        table.add_row(
+            who_of(s, many=many), str(s["responses"]), *cells, f"{silent_ns / NS:.3f}", *told
+        )
     return table
 
 

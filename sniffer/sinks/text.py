@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.called import ServoNames
     from sniffer.protocols.base import BusProtocol
-    from sniffer.sinks.intime import Waits
+    from sniffer.sinks.intime import Lateness
 
 WIDE: Final = 120
 """From this width on the table has microseconds and a column for the bus."""
@@ -99,7 +99,7 @@ class TextSink:
         width: int | None = None,
         color: bool | None = None,
         times: str = ABSOLUTE,
-        waits: Waits = READ,
+        waits: Lateness = READ,
     ) -> None:
         self._console = console_for(stream, color=color, width=width)
         self._stream = stream
@@ -229,6 +229,7 @@ class TextSink:
         self._print(self._lines.rest())
         if self._widths:
             self._stream.write("\n")
+            self._stream.flush()  # a reader who is gone is told here, and not to the console
         narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
             if not self._is_cut:

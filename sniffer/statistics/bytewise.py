@@ -15,6 +15,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO, MALFORMED, UNKNOWN
+from sniffer.protocols.base import shared_ids
 from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class LaneBytes:
         # what is for several servos has parts, each with an address of its own
         several = np.zeros(len(f), bool)
         several[batch.values.row[batch.values.servo_id != f.servo_id[batch.values.row]]] = True
-        several |= np.isin(f.servo_id, [-1, *self.protocol.everyone])
+        several |= np.isin(f.servo_id, shared_ids(self.protocol))
         writes = writes[~several[writes]]
         ok = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
         asked, which = batch.asking(t.request[ok])

@@ -17,7 +17,8 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNSOLICITED, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import MS, MarkKind, Severity
+from sniffer.ground.model import ECHO, MS, MarkKind, Severity
+from sniffer.protocols.base import shared_ids
 from sniffer.statistics.figures import (
     BYTES,
     DRAWN,
@@ -27,6 +28,7 @@ from sniffer.statistics.figures import (
     SHORTEST,
     TROUBLE,
     UNCLAIMED,
+    Answers,
     Extreme,
     Range,
     ServoFigures,
@@ -58,6 +60,7 @@ class LaneFigures:
         self._kinds = kinds
         self._column = np.array([kinds.index(t) if t[0] else -1 for t in told], np.int64)
         self._nobody = np.array([-1, *protocol.everyone])
+        self._shared = shared_ids(protocol)
         self.motion = Motion(protocol)
         self._book = GoalBook(protocol)
 
@@ -75,14 +78,16 @@ class LaneFigures:
     def _meet(self, batch: Batch) -> None:
         f = batch.frames
         said = f.kind == RESPONSE
-        met = f.servo_id[said | (f.reply != NEVER)]
-        for servo in distinct(met)[0].tolist():
-            if servo not in self._nobody:
+        asked = (f.reply != NEVER) & ~np.isin(f.servo_id, self._nobody)
+        for servo in distinct(f.servo_id[said | asked])[0].tolist():
+            if servo not in self._shared:
                 self.servos.setdefault(servo, ServoFigures())
-        servos, _, counts = distinct(f.servo_id[said])
-        for servo, n in zip(servos.tolist(), counts.tolist(), strict=True):
+        rows = np.flatnonzero(said & (f.flags & ECHO == 0))
+        for servo in distinct(f.servo_id[rows])[0].tolist():
             if servo in self.servos:
-                self.servos[servo].responses += n
+                own = rows[f.servo_id[rows] == servo]
+                told = Answers(f.t_end[own], f.uncertainty[own], batch.base + f.start[own])
+                self.servos[servo].hear(told)
 
     def _count_answers(self, batch: Batch, grid: Grid) -> None:
         f, t = batch.frames, batch.transactions

@@ -6,10 +6,13 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+
 from sniffer.ground.model import Clock
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
+    from sniffer.ground.model import I64
 
 GOAL: Final = "goal_position"
 POSITION: Final = "position"
@@ -42,6 +45,56 @@ class Extreme(NamedTuple):
     offset: int
 
 
+class Answer(NamedTuple):
+    """When an answer ended, how uncertain that is (-1: there is no clock), and where it begins."""
+
+    t_ns: int
+    spread_ns: int
+    offset: int
+
+
+class Pause(NamedTuple):
+    """The time between two answers, at least and at most, and the answer before it."""
+
+    least_ns: int
+    most_ns: int
+    behind: Answer
+
+
+@dataclass(slots=True)
+class Presence:
+    """When a servo was heard: its first and its last answer, and the longest pause between two."""
+
+    first: Answer
+    last: Answer
+    pause: Pause | None = None
+
+    def hear(self, answers: Answers) -> None:
+        """Take more answers, in the order of the wire."""
+        t_ns = np.concatenate([[self.last.t_ns], answers.t_ns])
+        apart = t_ns[1:] - t_ns[:-1]
+        i = int(apart.argmax())
+        before = self.last if i == 0 else answers.at(i - 1)
+        spread = max(before.spread_ns, 0) + max(int(answers.spread_ns[i]), 0)
+        ns = max(int(apart[i]), 0)
+        clocked = before.spread_ns >= 0 and int(answers.spread_ns[i]) >= 0
+        if clocked and (self.pause is None or ns > sum(self.pause[:2]) / 2):
+            self.pause = Pause(max(ns - spread, 0), ns + spread, before)
+        self.last = answers.at(-1)
+
+
+class Answers(NamedTuple):
+    """Answers of one servo, as columns of what an ``Answer`` has."""
+
+    t_ns: I64
+    spread_ns: I64
+    offset: I64
+
+    def at(self, i: int) -> Answer:
+        """Return one of them."""
+        return Answer(*(int(column[i]) for column in self))
+
+
 @dataclass(slots=True)
 class Range:
     """All that is kept of one quantity of a servo in one unit; ``curve`` -1 has none."""
@@ -69,12 +122,20 @@ class ServoFigures:
     """
 
     responses: int = 0
+    presence: Presence | None = None
     outcomes: Counter[str] = field(default_factory=Counter)
     values: dict[tuple[str, str], Range] = field(default_factory=dict)
     """By quantity and unit."""
     goals: Counter[str] = field(default_factory=Counter)
     curves: dict[tuple[str, str], int] = field(default_factory=dict)
     """Curves that are no value on the wire, by name and unit."""
+
+    def hear(self, answers: Answers) -> None:
+        """Count answers in, the next ones."""
+        self.responses += len(answers.t_ns)
+        if self.presence is None:
+            self.presence = Presence(answers.at(0), answers.at(0))
+        self.presence.hear(answers)
 
     @property
     def wanted(self) -> int:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sniffer.statistics.commands import CommandFigures, Slowest
     from sniffer.statistics.cycles import Loop
     from sniffer.statistics.exceeding import ExceedingFigures
-    from sniffer.statistics.figures import Extreme, ServoFigures
+    from sniffer.statistics.figures import Extreme, Presence, ServoFigures
     from sniffer.statistics.firstmotion import SlowestStart, StartFigures
     from sniffer.statistics.goalsteps import StepFigures, Unreached
     from sniffer.statistics.lags import Lag
@@ -192,6 +192,7 @@ def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> 
         "protocol": protocol,
         "servo_id": servo,
         "responses": mine.responses,
+        **_presence(mine.presence),
         "goals": dict(sorted(mine.goals.items())),
         "values": [
             {
@@ -210,6 +211,23 @@ def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> 
         ],
         "steps": [_steps(unit, s) for (who, unit), s in steps.items() if who == servo],
         "first_motion": [_start(unit, s) for (who, unit), s in starts.items() if who == servo],
+    }
+
+
+def _presence(mine: Presence | None) -> dict[str, Any]:
+    if mine is None:
+        return dict.fromkeys(("first_answer", "last_answer", "longest_pause"))
+    ends = {"first_answer": mine.first, "last_answer": mine.last}
+    pause = mine.pause
+    return {
+        **{name: {"t_ns": end.t_ns, "offset": end.offset} for name, end in ends.items()},
+        "longest_pause": None
+        if pause is None
+        else {
+            "value_ns": [pause.least_ns, pause.most_ns],
+            "t_ns": pause.behind.t_ns,
+            "offset": pause.behind.offset,
+        },
     }
 
 

@@ -24,7 +24,7 @@ from sniffer.ground.codes import (
     WHOLE,
 )
 from sniffer.ground.model import F64, I16, I64, NS, RESETS, Batch, Mask, Severity
-from sniffer.protocols.base import ends_goal
+from sniffer.protocols.base import ends_goal, shared_ids
 from sniffer.viewers.board.registers import RegisterMemory
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class BusTally:
         bits = np.array([1 << bit for bit in range(8)], np.int16)
         self._states = STATUS_BYTE & ~int(bits[protocol.refused(bits)].sum())
         self._nobody = np.zeros(IDS, bool)
-        self._nobody[[i for i in protocol.everyone if 0 <= i < IDS]] = True
+        self._nobody[[i for i in shared_ids(protocol) if 0 <= i < IDS]] = True
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""
