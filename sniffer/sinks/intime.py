@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Lateness(NamedTuple):
+class OrderLag(NamedTuple):
     """How long something waits for what another bus may have said before it, in ns.
 
     ``behind_ns`` is by how much bytes may have been on the line before their stamp; ``open_ns`` how
@@ -30,13 +30,13 @@ class Lateness(NamedTuple):
     open_ns: int | None
 
 
-READ: Final = Lateness(NS, None)
+READ: Final = OrderLag(NS, None)
 """Of a capture that is read as fast as it can be."""
 
-PLAYED: Final = Lateness(NS // 10, NS // 10)
+PLAYED: Final = OrderLag(NS // 10, NS // 10)
 """Of one at which somebody looks in real time."""
 
-LIVE: Final = Lateness(0, NS // 10)
+LIVE: Final = OrderLag(0, NS // 10)
 """Of a recording: its recorder has taken off already what its adapters may hold back."""
 
 FIRST_NS: Final = NS // 10
@@ -58,7 +58,7 @@ class _BusQueue(Generic[T]):
 class InTime(Generic[T]):
     """Takes what buses say, each in wire order, and gives it back in the order of time."""
 
-    def __init__(self, waits: Lateness) -> None:
+    def __init__(self, waits: OrderLag) -> None:
         self._waits = waits
         self._buses: dict[str, _BusQueue[T]] = {}
         self._is_begun = False

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.called import ServoNames
     from sniffer.protocols.base import BusProtocol
-    from sniffer.sinks.intime import Lateness
+    from sniffer.sinks.intime import OrderLag
 
 WIDE: Final = 120
 """From this width on the table has microseconds and a column for the bus."""
@@ -99,7 +99,7 @@ class TextSink:
         width: int | None = None,
         color: bool | None = None,
         times: str = ABSOLUTE,
-        waits: Lateness = READ,
+        waits: OrderLag = READ,
     ) -> None:
         self._console = console_for(stream, color=color, width=width)
         self._stream = stream

@@ -45,7 +45,7 @@ class Extreme(NamedTuple):
     offset: int
 
 
-class Answer(NamedTuple):
+class AnswerMoment(NamedTuple):
     """When an answer ended, how uncertain that is (-1: there is no clock), and where it begins."""
 
     t_ns: int
@@ -53,21 +53,21 @@ class Answer(NamedTuple):
     offset: int
 
 
-class Pause(NamedTuple):
+class AnswerPause(NamedTuple):
     """The time between two answers, at least and at most, and the answer before it."""
 
     least_ns: int
     most_ns: int
-    behind: Answer
+    behind: AnswerMoment
 
 
 @dataclass(slots=True)
 class Presence:
     """When a servo was heard: its first and its last answer, and the longest pause between two."""
 
-    first: Answer
-    last: Answer
-    pause: Pause | None = None
+    first: AnswerMoment
+    last: AnswerMoment
+    pause: AnswerPause | None = None
 
     def hear(self, answers: Answers) -> None:
         """Take more answers, in the order of the wire."""
@@ -79,20 +79,20 @@ class Presence:
         ns = max(int(apart[i]), 0)
         clocked = before.spread_ns >= 0 and int(answers.spread_ns[i]) >= 0
         if clocked and (self.pause is None or ns > sum(self.pause[:2]) / 2):
-            self.pause = Pause(max(ns - spread, 0), ns + spread, before)
+            self.pause = AnswerPause(max(ns - spread, 0), ns + spread, before)
         self.last = answers.at(-1)
 
 
 class Answers(NamedTuple):
-    """Answers of one servo, as columns of what an ``Answer`` has."""
+    """Answers of one servo, as columns of what an ``AnswerMoment`` has."""
 
     t_ns: I64
     spread_ns: I64
     offset: I64
 
-    def at(self, i: int) -> Answer:
+    def at(self, i: int) -> AnswerMoment:
         """Return one of them."""
-        return Answer(*(int(column[i]) for column in self))
+        return AnswerMoment(*(int(column[i]) for column in self))
 
 
 @dataclass(slots=True)
