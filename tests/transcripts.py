@@ -23,7 +23,6 @@ import contextlib
 import io
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -69,6 +68,8 @@ PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."
 
 _FENCE: Final = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_QUOTED: Final = re.compile(r"'[^']*'|\"[^\"]*\"")
+
 _TOOL: Final = re.compile(r"(?:^|[|;&]\s*)([\w.-]+)")
 _WAIT: Final = re.compile(r"wait %(\d+)")
 _KILL: Final = re.compile(r"(?P<command>[^&]+) & sleep (?P<seconds>\d+); kill -(?P<signal>\d+) \$!")
@@ -169,8 +170,7 @@ def missing_tools(one: Shown) -> list[str]:
     """Return the programs of a command line that this machine does not have."""
     if one.language != "console":
         return []
-    words = shlex.split(one.source, posix=False)  # quoted text stays quoted, so it names no tool
-    line = " ".join(w for w in words if w[:1] not in "'\"")
+    line = _QUOTED.sub("", one.source)  # quoted text names no tool
     ours = ("sniffer", "wait", "sleep", "kill")
     return [t for t in _TOOL.findall(line) if t not in ours and shutil.which(t) is None]
 
