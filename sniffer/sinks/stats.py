@@ -124,7 +124,12 @@ def _tables(
             _traffic(bus, many=many),
         ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
-        ("when each servo was heard, silent longest first", _heard(bus, first, many=many)),
+        (
+            "when each servo was heard, silent longest first"
+            if tables is None
+            else "when each servo said what is selected, longest ago first",
+            _heard(bus, first, many=many, silent=tables is None),
+        ),
         ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
         ("following error (goal less position), greatest first", error_table(bus, first)),
         ("lag behind goals that move, longest first", lag_table(bus)),
@@ -142,6 +147,8 @@ def _tables(
 
 def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
     if tables is not None and not bus["bytes"]:  # none of what nobody asked for is no finding
+        if not any(bus[name] for name in HAVING):
+            yield "nothing that it said is selected"
         return
     held = np.floor(10000 * bus["bytes_in_frames"] / bus["bytes"]) / 100 if bus["bytes"] else 0.0
     gaps = ", ".join(f"{n} {reason}" for reason, n in bus["gaps"].items())
@@ -173,15 +180,19 @@ def _named(bus: Mapping[str, Any]) -> str:
 
 def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     clocked = bus["load"] is not None
-    columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
+    # answers alone may be selected: such as those that state a value
+    heading, key = ("sent", "requests")
+    if not any(c["requests"] for c in bus["commands"]):
+        heading, key = "answers", "responses"
+    columns = (heading, "per s", "bus time") if clocked else (heading, "bytes")
     table = Tabulated("servo", "command", *columns, left=left_of(bus, "command"))
     timed = any(c["loop"] for c in bus["commands"])
     for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
     for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
-        row = [who_of(c, many=many), c["op"], str(c["requests"])]
+        row = [who_of(c, many=many), c["op"], str(c[key])]
         if clocked:
-            row += [number(c["rate_hz"]), percent(c["bus_time_share"])]
+            row += [number(c[key] / bus["seconds"]), percent(c["bus_time_share"])]
         else:
             row.append(percent(c["bytes_share"]))
         if timed:
@@ -220,15 +231,17 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     return table
 
 
-def _heard(bus: Mapping[str, Any], first: int, *, many: bool) -> Tabulated | None:
-    if bus["load"] is None or not bus["servos"]:
+def _heard(bus: Mapping[str, Any], first: int, *, many: bool, silent: bool) -> Tabulated | None:
+    """Return when servos answered; ``silent``: also those that never did."""
+    servos = [s for s in bus["servos"] if silent or s["last_answer"] is not None]
+    if bus["load"] is None or not servos:
         return None
     table = Tabulated("servo", "answers", "first s", "last s", "since then s", left=left_of(bus))
     for column in ("longest pause ms", "from s"):
         table.add_column(column)
-    ends = {n: s["last_answer"] or {"t_ns": first} for n, s in enumerate(bus["servos"])}
+    ends = {n: s["last_answer"] or {"t_ns": first} for n, s in enumerate(servos)}
     for n in sorted(ends, key=lambda n: ends[n]["t_ns"]):
-        s, silent_ns = bus["servos"][n], bus["last_ns"] - ends[n]["t_ns"]
+        s, silent_ns = servos[n], bus["last_ns"] - ends[n]["t_ns"]
         cells = (
             ["never", ""]
             if s["last_answer"] is None

@@ -54,11 +54,16 @@ class AnswerMoment(NamedTuple):
 
 
 class AnswerPause(NamedTuple):
-    """The time between two answers, at least and at most, and the answer before it."""
+    """The time between two answers, how uncertain it is, and the first of them."""
 
-    least_ns: int
-    most_ns: int
+    ns: int
+    spread_ns: int
     behind: AnswerMoment
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """At least and at most."""
+        return max(self.ns - self.spread_ns, 0), self.ns + self.spread_ns
 
 
 @dataclass(slots=True)
@@ -71,15 +76,13 @@ class Presence:
 
     def hear(self, answers: Answers) -> None:
         """Take more answers, in the order of the wire."""
-        t_ns = np.concatenate([[self.last.t_ns], answers.t_ns])
-        apart = t_ns[1:] - t_ns[:-1]
+        before = Answers(*(np.append(a, b) for a, b in zip(self.last, answers, strict=True)))
+        apart = np.diff(before.t_ns)
+        apart[(before.spread_ns[1:] < 0) | (before.spread_ns[:-1] < 0)] = -1
         i = int(apart.argmax())
-        before = self.last if i == 0 else answers.at(i - 1)
-        spread = max(before.spread_ns, 0) + max(int(answers.spread_ns[i]), 0)
-        ns = max(int(apart[i]), 0)
-        clocked = before.spread_ns >= 0 and int(answers.spread_ns[i]) >= 0
-        if clocked and (self.pause is None or ns > sum(self.pause[:2]) / 2):
-            self.pause = AnswerPause(max(ns - spread, 0), ns + spread, before)
+        if apart[i] >= 0 and (self.pause is None or apart[i] > self.pause.ns):
+            spread = int(before.spread_ns[i] + before.spread_ns[i + 1])
+            self.pause = AnswerPause(int(apart[i]), spread, before.at(i))
         self.last = answers.at(-1)
 
 
@@ -135,7 +138,9 @@ class ServoFigures:
         self.responses += len(answers.t_ns)
         if self.presence is None:
             self.presence = Presence(answers.at(0), answers.at(0))
-        self.presence.hear(answers)
+            answers = Answers(*(column[1:] for column in answers))
+        if len(answers.t_ns):
+            self.presence.hear(answers)
 
     @property
     def wanted(self) -> int:

@@ -224,7 +224,7 @@ def _presence(mine: Presence | None) -> dict[str, Any]:
         "longest_pause": None
         if pause is None
         else {
-            "value_ns": [pause.least_ns, pause.most_ns],
+            "value_ns": list(pause.bounds),
             "t_ns": pause.behind.t_ns,
             "offset": pause.behind.offset,
         },
