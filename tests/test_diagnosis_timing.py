@@ -150,6 +150,27 @@ def test_an_uneven_loop_that_reads_servos_in_turn_is_told(in_turn: int) -> None:
     assert jitter.value("middle_ns") == pytest.approx(50 * MS, rel=0.1)
 
 
+@pytest.mark.parametrize(("part", "told"), [(0.7, True), (0.15, False)])
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_loop_that_ends_with_goals_that_nobody_answers_is_timed_like_any(
+    protocol: str, part: float, told: bool
+) -> None:
+    """The rest of each cycle stands behind the goals: it seemed that the loop never rests."""
+    rng = random.Random(5)
+
+    def late(talk: Conversation, cycle: int) -> None:
+        del cycle
+        talk.rest(rng.uniform(0, 50 * part))
+
+    def send(talk: Conversation, cycle: int) -> None:
+        del cycle
+        for servo in (1, 2, 3):
+            talk.send(servo, swinging(servo, talk.now_s))
+
+    talk = robot(protocol, 12, rate_hz=20, goals=False, before=late, behind=send)
+    assert ("loop-jitters" in codes(talk.diagnosed())) == told
+
+
 @pytest.mark.parametrize("in_turn", [1, 2, 3])
 def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound(in_turn: int) -> None:
     assert not trembling("rs30x", 0.15, in_turn=in_turn).diagnosed().incidents()

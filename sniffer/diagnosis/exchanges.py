@@ -242,8 +242,10 @@ class Exchanges:
         rows = np.flatnonzero(ok[:first])
         length = np.minimum(r.answer_length[rows], len(self.answer_lengths) - 1)
         self.answer_lengths += np.bincount(length, minlength=len(self.answer_lengths))
-        least = idle[rows] - self.slower_ns * r.lengths(rows + 1)
-        self.idle.add(np.zeros(len(rows), np.int64), least, idle[rows])
+        # a cycle may end with what nobody answers, as goals for all servos
+        still = np.flatnonzero(~failed[:first] & (idle[:first] >= 0))
+        least = idle[still] - self.slower_ns * r.lengths(still + 1)
+        self.idle.add(np.zeros(len(still), np.int64), least, idle[still])
         turn = r.t_start[rows + 1] - r.t_end[rows]
         self.turns.add(r.kind[rows], turn, turn)
         span = r.answer_end[rows] - r.t_end[rows]
