@@ -17,13 +17,15 @@ PART: Final = 0.3
 
 WEAK: Final = 6
 PART_WEAK: Final = 0.9
-"""Bytes of frames, in the mean, that begin by chance now and then, and the part that then counts: a line
-of twice the rate turns each FF FF FF into an FF and two bytes more, as frames of wCK begin. Who sends
-such frames in a wrong form has no answers between them."""
+"""Bytes of frames, in the mean, that begin by chance now and then, and the part that then counts.
+
+A line of twice the rate turns each FF FF FF into an FF and two bytes more, as frames of wCK begin.
+Who sends such frames in a wrong form has no answers between them.
+"""
 
 OFF: Final = 5
-"""Bytes that a frame may lack of the length it states: who reckons it wrongly counts a header, an id or
-a checksum too many; a length that a wrong rate made states anything."""
+"""Bytes that a frame may lack of the length it states: who reckons it wrongly counts a header or a
+checksum too many; a length that a wrong rate made states anything."""
 
 HEADED: Final = 5
 """Bytes of a beginning that are told apart: header, id and what follows."""
