@@ -94,8 +94,8 @@ def test_a_line_at_a_rate_far_from_its_receivers_is_read_at_a_wrong_rate(
 
 
 def test_a_rate_that_nobody_stated_is_not_told_as_the_lines() -> None:
-    data = [c for c in robot("lss", 6).chunks]
-    slow = [replace(c, data=bytes(b.value for b in received(sent(c.data, 3.0)))) for c in data]
+    said = robot("lss", 6).chunks
+    slow = [replace(c, data=bytes(b.value for b in received(sent(c.data, 3.0)))) for c in said]
     (finding,) = (f for f in found(diagnosed(slow, "lss")) if f.code == "bits-of-another-rate")
     assert not finding.values
     assert "heard at 115200 baud, it runs at about 38400; heard at 57600 baud" in finding.what
