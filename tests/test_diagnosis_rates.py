@@ -27,13 +27,13 @@ def read(
 ) -> Diagnosis:
     """Return what is said of a sound line that is ``times`` slower than its receiver."""
     talk = robot(protocol, 6, baud=baud)
-    first = talk.chunks[0].t_ns or 0
+    began = talk.chunks[0].t_ns or 0
     rng = random.Random(1)  # of when in its own clock the receiver sees a start bit
     chunks = [
         replace(
             c,
             data=bytes(b.value for b in received(sent(c.data, times, rise=rise), point)),
-            t_ns=first + int((c.t_ns - first) * max(times, 1.0)),  # all lasts longer on a slow line
+            t_ns=began + int(((c.t_ns or 0) - began) * max(times, 1.0)),  # all lasts longer there
         )
         for c in talk.chunks
         for point in [0.5 + rng.randrange(16) / 256]
