@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -227,3 +229,48 @@ def test_a_conversation_of_the_tests_takes_the_time_of_its_bytes() -> None:
     talk = Conversation("mightyzap")
     talk.read(1, 0.5)
     assert talk.now_ns - T0 == 18 * (10**10 // BAUD) + 700_000
+
+
+def late_over_the_next(protocol: str, *, torn_alone: bool = False) -> Conversation:
+    """Return a loop of which each fifth answer is given up, and lies over the next one.
+
+    Or of which as many answers get lost, and as many are torn, whatever was before.
+    """
+    rng = random.Random(6)
+    late: list[bytes] = []
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        del cycle
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        if servo != 4 and not late and rng.random() < 0.2:
+            late.append(answer)
+            talk.ask_in_vain(servo, 2)
+            return True
+        if (rng.random() < 0.13) if torn_alone else late:
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            other = late.pop() if late else bytes(rng.randbytes(len(answer)))
+            talk.say(bytes(a & b for a, b in itertools.zip_longest(other, answer, fillvalue=255)))
+            talk.rest(0.4)
+            return True
+        late.clear()
+        return False
+
+    return robot(protocol, 8, servos=(1, 2, 3, 4), instead=instead, goals=False)
+
+
+@in_turn(2)
+@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x"])
+def test_late_answers_that_lie_over_the_next_ones_are_no_weak_signal(
+    protocol: str, clock: bool
+) -> None:
+    talk = late_over_the_next(protocol)
+    told = talk.diagnosed(talk.chunks if clock else without_clock(talk.chunks))
+    assert verdicts(told.incidents())[0] == ("impatient-controller", ())
+    assert "torn-behind-unanswered" in codes(told)
+
+
+def test_answers_that_are_torn_wherever_they_stand_are_not_those_of_two() -> None:
+    told = late_over_the_next("mightyzap", torn_alone=True).diagnosed()
+    assert "torn-behind-unanswered" not in codes(told)

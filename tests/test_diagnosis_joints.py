@@ -359,3 +359,14 @@ def test_a_joint_that_follows_again_though_nobody_switched_its_torque_on_was_blo
     assert verdicts(held_for_a_while(switched_on=0.5).incidents()) == [("stall", (1,))]
     # who is switched on again where it goes on may have been off
     assert verdicts(held_for_a_while(switched_on=6.9).incidents()) == [("torque-off", (1,))]
+
+
+@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x"])
+def test_a_loop_that_rests_for_minutes_does_not_look_seldom(protocol: str) -> None:
+    """A mean of some seconds from look to look made every one of a moving joint count."""
+
+    def rests(talk: Conversation, cycle: int) -> None:
+        if cycle == 200:
+            talk.rest(600_000)
+
+    assert not codes(robot(protocol, 10, behind=rests).diagnosed())

@@ -10,7 +10,7 @@ import pytest
 
 from sniffer.diagnosis.uart import received, sent
 from tests.conversations import BAUD, Conversation, robot, without_clock
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.lists import in_turn
 
 if TYPE_CHECKING:
@@ -27,9 +27,14 @@ def read(
 ) -> Diagnosis:
     """Return what is said of a sound line that is ``times`` slower than its receiver."""
     talk = robot(protocol, 6, baud=baud)
+    began = talk.chunks[0].t_ns or 0
     rng = random.Random(1)  # of when in its own clock the receiver sees a start bit
     chunks = [
-        replace(c, data=bytes(b.value for b in received(sent(c.data, times, rise=rise), point)))
+        replace(
+            c,
+            data=bytes(b.value for b in received(sent(c.data, times, rise=rise), point)),
+            t_ns=began + int(((c.t_ns or 0) - began) * max(times, 1.0)),  # all lasts longer there
+        )
         for c in talk.chunks
         for point in [0.5 + rng.randrange(16) / 256]
     ]
@@ -89,3 +94,32 @@ def test_a_loop_that_has_two_bits_alike_in_all_it_says_is_not_read_so_for_noise(
             data[rng.randrange(3, len(data))] ^= 1 << rng.randrange(8)
         loop.say(bytes(data))
     assert "bits-read-twice" not in codes(loop.diagnosed())
+
+
+@in_turn(3)
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("times", [0.5, 1.085, 3.0, 6.0, 12.0])
+def test_a_line_at_a_rate_far_from_its_receivers_is_read_at_a_wrong_rate(
+    times: float, protocol: str
+) -> None:
+    """At six times all is 00 and E0, at twelve 00 alone; at half FF FF FF is FF and two bytes."""
+    told = read(protocol, times)
+    assert verdicts(told.incidents())[:1] == [("wrong-baud", ())]
+    assert not codes(told) & {"begins-hold", "bytes-translated"}
+
+
+def test_a_rate_that_nobody_stated_is_not_told_as_the_lines() -> None:
+    said = robot("lss", 6).chunks
+    slow = [replace(c, data=bytes(b.value for b in received(sent(c.data, 3.0)))) for c in said]
+    (finding,) = (f for f in found(diagnosed(slow, "lss")) if f.code == "bits-of-another-rate")
+    assert not finding.values
+    assert "heard at 115200 baud, it runs at about 38400; heard at 57600 baud" in finding.what
+    assert finding.brief == "the line is 3 times slower than the receiver"
+
+
+def test_zeros_one_behind_the_other_are_a_line_that_is_held_and_no_slow_one() -> None:
+    talk = Conversation("lss")
+    for _ in range(400):
+        talk.say(bytes(1024))
+    told = talk.diagnosed()
+    assert [incident.cause for incident in told.incidents()] == ["line-stuck"]

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnosis.rules.complaints import BY_CHANCE
 from sniffer.simulation.buses import BUSES, simulate
 from tests.conversations import Conversation, robot, swinging
-from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
+from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
 from tests.lists import in_turn
 from tests.servos import BEGAN_NS, finding, suffering
 from tests.streams import mightyzap
@@ -202,3 +203,18 @@ def test_answers_to_writes_of_which_most_are_torn_are_not_said_unasked() -> None
 
     talk = robot("mightyzap", servos=(1, 2), goals=False, behind=writes)
     assert "speaks-unasked" not in codes(talk.diagnosed())
+
+
+def test_an_alarm_that_two_senders_make_of_each_others_frames_is_no_servos() -> None:
+    """F2 and 8C of a read, each with its highest bit fallen, are an answer with four alarms."""
+
+    def beside(talk: Conversation, cycle: int) -> None:
+        if cycle % 3 == 0:
+            talk.say(mightyzap.packet(1, 0xF2, b"\x8c\x02")[:-1])  # torn elsewhere, too
+        if cycle % 30 == 4:
+            talk.say(mightyzap.packet(2, 0x72, b"\x0c\x02"))
+        talk.rest(5)
+
+    told = found(robot("mightyzap", 12, behind=beside).diagnosed())
+    (overload,) = (f for f in told if f.code == "device-overload")
+    assert (overload.count, overload.strength) == (16, BY_CHANCE)

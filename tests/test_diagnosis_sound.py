@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.ground.coarse import coarse
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import MS, TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, diagnosed, verdicts
@@ -178,3 +180,16 @@ def test_a_move_home_behind_the_last_goal_of_a_path_is_no_jump(protocol: str) ->
         talk.rest(50)
         talk.read(1, home)
     assert "goal-jump" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+def test_a_log_with_hundredths_of_a_second_tells_of_no_slow_servo(protocol: str) -> None:
+    """Whose answer is the next hundredth's is a matter of the loop, and not of the servo."""
+    talk = robot(protocol, 10, servos=range(1, 7), rate_hz=11, baud=57600)
+    chunks = [
+        replace(c, t_ns=round(c.t_ns or 0, -7), clock=Clock.FILE, marks=coarse(len(c.data), 2))
+        for c in talk.chunks
+    ]
+    told = diagnosed(chunks, protocol)
+    assert not codes(told)
+    assert told.sentence().endswith("stamps good to 10 ms")

@@ -13,8 +13,19 @@ if TYPE_CHECKING:
 
 LEAST: Final = 20
 PART: Final = 0.3
-"""So many beginnings of frames, in such a part of the bytes, are no chance: of 48 captures at a
-wrong rate none had more than seven."""
+"""So many beginnings of frames, in such a part of the bytes, are no chance."""
+
+WEAK: Final = 6
+PART_WEAK: Final = 0.9
+"""Bytes of frames, in the mean, that begin by chance now and then, and the part that then counts.
+
+A line of twice the rate turns each FF FF FF into an FF and two bytes more, as frames of wCK begin.
+Who sends such frames in a wrong form has no answers between them.
+"""
+
+OFF: Final = 5
+"""Bytes that a frame may lack of the length it states: who reckons it wrongly counts a header or a
+checksum too many; a length that a wrong rate made states anything."""
 
 HEADED: Final = 5
 """Bytes of a beginning that are told apart: header, id and what follows."""
@@ -46,7 +57,8 @@ class Begun(NamedTuple):
 def most_begun(head: bytes) -> Begun | None:
     """Return what begins like frames of the protocol that most of them are of; None: nothing."""
     begun = max((_begun(PROTOCOLS[name], head) for name in PROTOCOLS.built_in), key=lambda b: b.n)
-    return begun if begun.n >= LEAST and begun.size >= PART * len(head) else None
+    part = PART_WEAK if begun.size < WEAK * begun.n else PART
+    return begun if begun.n >= LEAST and begun.size >= part * len(head) else None
 
 
 def _begun(protocol: BusProtocol, head: bytes) -> Begun:
@@ -59,7 +71,9 @@ def _begun(protocol: BusProtocol, head: bytes) -> Begun:
     for a, b in between(protocol, head):
         for gap in protocol.explain(head[a:b], a):
             fields = gap.detail.get("fields")
-            if gap.reason != "noise" and fields is not None and not fields.get(CODE):
+            if gap.reason == "noise" or fields is None or fields.get(CODE):
+                continue  # a code that is no command's is what a wrong rate made of one
+            if gap.detail.get("need", 0) - gap.detail.get("have", 0) <= OFF:
                 first[head[gap.start : gap.start + HEADED]] += 1
                 size += gap.length
     return Begun(protocol.name, first.total(), size, first)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import numpy as np
 
 from sniffer.anomalies.found import CODES, NUMBER
+from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnosis.buckets import BUCKET_NS
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
@@ -133,6 +134,11 @@ class Case:
     def baud(self) -> int:
         """By which rate the bus is decoded."""
         return self.ledger.pace.baud if self.ledger.pace is not None else self.protocol.baud
+
+    @property
+    def rate_is_known(self) -> bool:
+        """Whether that rate was stated or measured; else it is the protocol's usual one."""
+        return self.ledger.pace is not None and self.ledger.pace.rate != ASSUMED
 
     @property
     def latency_ns(self) -> int:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
+TELLING_NS: Final = NS // 5000
+"""Digits that a log does not have make its stamps worse by more than that, or are not told."""
+
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
 as much as one over thousands."""
@@ -109,11 +112,13 @@ class Diagnosis:
     def sentence(self) -> str:
         """Return on what it was judged, in words."""
         parts = []
-        for judged in self.judged():
+        for judged, case in zip(self.judged(), self.cases(), strict=True):
             servos = len(judged["servo_ids"])
-            good_ms = (judged["latency_ns"] or 0) / NS * 1e3
+            good_ns = judged["latency_ns"] or 0
+            unsure_ns = case.ledger.exchanges.unsure_ns
+            good_ns = unsure_ns if unsure_ns > good_ns + TELLING_NS else good_ns
             over = (
-                f"over {judged['seconds']:g} s, stamps good to {good_ms:g} ms"
+                f"over {judged['seconds']:g} s, stamps good to {good_ns / NS * 1e3:.3g} ms"
                 if judged["seconds"] is not None
                 else "without a clock, so nothing was judged by time"
             )

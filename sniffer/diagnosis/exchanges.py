@@ -15,7 +15,7 @@ from sniffer.diagnosis.kinds import KINDS, RequestKinds
 from sniffer.diagnosis.moments import RequestMoments
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
-from sniffer.ground.model import ECHO
+from sniffer.ground.model import ECHO, NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -115,6 +115,9 @@ class Exchanges:
         self._byte_ns = 0
         self.slower_ns = 0
         """How much longer a byte may take than at the rate by which the bus is timed."""
+        self.unsure_ns = 0
+        """How unsure stamps are at best, whatever the rate: by what the host held, and by digits
+        that a log does not have."""
         self.kinds = RequestKinds()
         self.moments = RequestMoments()
         self.count = 0
@@ -248,6 +251,9 @@ class Exchanges:
         self.idle.add(np.zeros(len(still), np.int64), least, idle[still])
         turn = r.t_start[rows + 1] - r.t_end[rows]
         self.turns.add(r.kind[rows], turn, turn)
+        if len(rows):
+            unsure = r.unsure(rows) - self.slower_ns * r.lengths(rows)
+            self.unsure_ns = min(int(unsure.min()), self.unsure_ns or NEVER_NS)
         span = r.answer_end[rows] - r.t_end[rows]
         self.spans.add(r.kind[rows], span, span)
 

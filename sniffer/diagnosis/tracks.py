@@ -34,6 +34,9 @@ GOALS: Final = 3
 SELDOM: Final = 3
 """A joint that is looked at so many times less often is seen where it rests, not on its way."""
 
+REST: Final = 10
+"""A pause so many times as long as those between looks usually are is no way of looking."""
+
 SEEN: Final = 2
 """So many looks must see it away: one may be of a servo that takes its time."""
 
@@ -157,10 +160,16 @@ class JointTrack:
 
     @functools.cached_property
     def _window_ns(self) -> int:
-        """How long it is looked at: long enough for some positions."""
+        """How long it is looked at: long enough for some positions.
+
+        Rests in which nobody looks at anything are left out: a loop that was stopped for minutes
+        does not look seldom.
+        """
         p = self.position
         looks = int(p.n.sum())
-        each = int(p.t[-1] - p.t_first[0]) // max(looks - 1, 1)
+        gaps = np.diff(p.t)
+        rests = int(gaps[gaps > REST * np.median(gaps)].sum()) if len(gaps) else 0
+        each = (int(p.t[-1] - p.t_first[0]) - rests) // max(looks - 1, 1)
         return max(WINDOW_NS, LOOKS * each)
 
     @property

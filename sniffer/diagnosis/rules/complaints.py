@@ -76,9 +76,8 @@ MOMENT_NS: Final = NS
 def complaints(case: Case) -> Iterator[Finding]:
     """Alarms, by code and servo, with their times and what was commanded before the first."""
     alarms = case.alarms
-    numbers = [n for n in np.unique(alarms["code"]).tolist() if case.code(n) in COMPLAINTS]
-    for number in numbers:
-        code = case.code(number)
+    told = {n: case.code(n) for n in np.unique(alarms["code"]).tolist()}
+    for number, code in ((n, code) for n, code in told.items() if code in COMPLAINTS):
         mine = alarms["code"] == number
         for servo in np.unique(alarms["servo_id"][mine]).tolist():
             rows = np.flatnonzero(mine & (alarms["servo_id"] == servo))
@@ -89,33 +88,34 @@ def complaints(case: Case) -> Iterator[Finding]:
             when = f"at {case.since(first)}"
             if count > 1:
                 when = f"{count} times, first {when}, last at {case.since(last)}"
-            who = None if servo < 0 else servo
-            before = "" if who is None else _commanded(case, who, first)
+            before = "" if servo < 0 else _commanded(case, servo, first)
             yield Finding(
                 code,
-                who,
+                None if servo < 0 else servo,
                 first,
                 last,
                 count,
                 f"servo {servo} reports {words} {when}{before}",
                 case.places(case.anomalies(code, servo_id=servo), f"servo {servo}: {words}", 2),
-                strength=_sure(case, servo, count, first),
+                strength=_sure(case, code, servo, count, first),
                 brief=_BRIEF.get(code, f"servo {{}} reports {words}").format(servo),
                 episodes=spans,
             )
 
 
-def _sure(case: Case, servo: int, count: int, t_ns: int) -> float:
+def _sure(case: Case, code: str, servo: int, count: int, t_ns: int) -> float:
     """Return how sure it is that a servo said so.
 
-    Of frames that are torn some hold by chance, and say anything: once, and not in the next answer.
+    Of frames that are torn some hold by chance, and say anything: once, and not in the next answer,
+    or, where two senders tear them alike, time and again, and seldom as an answer that is due.
     """
-    if count > 1:
-        return 1.0
-    back = case.anomalies("device-recovered", servo_id=servo).t_ns
-    is_moment = bool(((back >= t_ns) & (back <= t_ns + MOMENT_NS)).any())
     is_torn = int(case.damage["n"].sum()) >= TORN
-    return BY_CHANCE if is_moment and is_torn else 0.8
+    if count > 1:
+        stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
+        is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
+        return BY_CHANCE if is_torn else 1.0
+    back = case.anomalies("device-recovered", servo_id=servo).t_ns
+    return BY_CHANCE if is_torn and ((back >= t_ns) & (back <= t_ns + MOMENT_NS)).any() else 0.8
 
 
 def _commanded(case: Case, servo: int, t_ns: int) -> str:
@@ -145,15 +145,15 @@ def overload_passes(case: Case) -> Iterator[Finding]:
         low, high = in_force(joint.position, told.t_ns - NS, back[row] + NS)
         if (high - low < 2 * joint.far).any():
             continue
-        longest = int((back[row] - told.t_ns).max())
+        longest = max(float((back[row] - told.t_ns).max()) / 1e6, 1)
         yield Finding(
             "overload-passes",
             servo,
             int(told.t_ns[0]),
             int(back[row[-1]]),
             len(told),
-            f"servo {servo} takes its overload back within {max(longest / 1e6, 1):.0f} ms, and moves "
-            f"by {joint.position.told(float((high - low).min()))} meanwhile",
+            f"servo {servo} takes its overload back within {longest:.0f} ms, and moves by "
+            f" {joint.position.told(float((high - low).min()))} meanwhile",
             case.places(told, f"servo {servo}: overload", 2),
             brief=f"servo {servo} moves on",
         )

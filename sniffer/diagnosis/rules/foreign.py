@@ -10,11 +10,13 @@ import numpy as np
 
 from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.holding import spans_in
+from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.uart import MIDDLE
 from sniffer.diagnosis.unclaimed import first_low
+from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -48,13 +50,13 @@ FINDINGS: Final = (
         "begins-hold",
         "line",
         "Hardly a byte belongs to a frame, and yet frames begin as they should, again and again: the rate is right.",
-        "Twenty beginnings and more of frames of one protocol, with header, id and command, in three tenths of the bytes.",
+        "Twenty beginnings and more of frames of one protocol, with header, id and a known command, and of about the length they state, in three tenths of the bytes (nine tenths where frames are short).",
     ),
     FindingCode(
         "bits-of-another-rate",
         "line",
         "The line changes its level only every few bits of the receiver: who speaks runs slower.",
-        "Of bytes that are no frame nearly all begin with a low of two bits or more, in multiples of one length.",
+        "Of bytes that are no frame nearly all begin with a low of two bits or more, in multiples of one length; or all of them are 00, and no more than half as many as fit on the line: a low lasts a byte and longer. Where no rate was stated it tells how many times slower the line is.",
     ),
     FindingCode(
         "bits-read-twice",
@@ -80,6 +82,15 @@ HELD: Final = 0.2
 
 VALUES: Final = 4
 """Different values: a line that is stuck gives one or two."""
+
+ALL_LOW: Final = 9
+"""Bits that are low in a 00, with its start bit."""
+
+TALKING, MOMENTS = 8, 8
+"""Lows in a quarter second that are more than a line has that falls now and then, and in how many."""
+
+APART: Final = 0.45
+"""Part of the bytes that fit on the line: lows that are apart by a high each leave that free."""
 
 NONE: Final = 0.01
 PLENTY: Final = 500
@@ -184,11 +195,10 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
     talked = total - case.held_bytes
     if total < LEAST or total - lost > HELD * talked or case.ledger.is_shared:
         return
-    values = Counter(head)
-    if len(values) < VALUES:
-        return
     again = repeated(head)
     slower = _slower(case, head)
+    if len(set(head)) < VALUES and slower is None:
+        return
     # bits that a wrong rate cuts anew each time repeat little, but nothing ever holds by them
     if again < REPEATS and slower is None and (total - lost > NONE * total or total < PLENTY):
         return
@@ -205,7 +215,7 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
         f"of their sequences of {SEQUENCE} come again",
         (place,),
         strength=min(0.6 + again, 1.0),
-        brief=f"nothing holds at {rate} baud",
+        brief=f"nothing holds at {rate} baud" if case.rate_is_known else "nothing holds",
     )
     begun = most_begun(head)
     if begun is not None:
@@ -221,17 +231,31 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
         )
     elif slower is not None:
         times, told = slower
+        known, least = case.rate_is_known, " or less" * (times == ALL_LOW)
         yield Finding(
             "bits-of-another-rate",
             None,
             int(t[0]),
             int(t[1]),
             lost,
-            f"the line changes every {times:.1f} bits of {rate} baud or more: it runs at about {told}",
+            f"the line changes every {times} bits of the receiver or more: "
+            + "; ".join(
+                f"heard at {heard} baud, it runs at about {runs}{least}"
+                for heard, runs in ([(rate, told)] if known else _usual(times))
+            ),
             (place,),
-            brief=f"the line runs at about {told} baud",
-            values=(("baud", told),),
+            strength=0.5 if least else 1.0,  # nobody has seen how long a low is
+            brief=f"the line runs at about {told} baud{least}"
+            if known
+            else f"the line is {times} times slower than the receiver" + " or more" * bool(least),
+            values=(("baud", told),) if known else (),
         )
+
+
+def _usual(times: int) -> list[tuple[int, int]]:
+    """Return the rates at which a tap usually listens, and what a line then runs at."""
+    usual = sorted({PROTOCOLS[name].baud for name in PROTOCOLS.built_in}, reverse=True)
+    return [(heard, _rate(heard, times)) for heard in usual]
 
 
 def bits_read_twice(case: Case) -> Iterator[Finding]:
@@ -272,8 +296,8 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
         f"than the receiver" + (f", at {rate} baud it is {told}" if told else ""),
         (Place(0, min(total, 64), t[0], "each byte has these bits alike"),),
         brief="a bit of every byte is read twice"
-        + (f": the line runs at {told} baud" if told else ""),
-        values=(("baud", told),) if told else (),
+        + (f": the line runs at {told} baud" if told and case.rate_is_known else ""),
+        values=(("baud", told),) if told and case.rate_is_known else (),
     )
 
 
@@ -317,14 +341,41 @@ def _known() -> list[int]:
     return sorted({*RATES, *(b for name in PROTOCOLS.built_in for b in PROTOCOLS[name].bauds)})
 
 
-def _slower(case: Case, data: bytes) -> tuple[float, int] | None:
+def _slower(case: Case, data: bytes) -> tuple[int, int] | None:
     """Return how many times slower the line is, and the rate; None where it is not."""
     lows = Counter(first_low(data))
     total = sum(lows.values())
+    if total <= TORN * len(data):
+        return _much_slower(case)
     if total < LEAST // 2 or lows[1] > 0.05 * total:
         return None
+    if max(lows.values()) == len(data):
+        return None  # one value alone: nobody says only that
     times = next(n for n in sorted(lows) if sum(lows[k] for k in lows if k <= n) > 0.05 * total)
-    return times, min(_known(), key=lambda rate: abs(rate * times / case.baud - 1))
+    return times, _rate(case.baud, times)
+
+
+def _much_slower(case: Case) -> tuple[int, int] | None:
+    """Return the same of a line of which each low lasts a byte or longer, so that all is 00.
+
+    A line that is held low is heard as one 00, or as one behind the other; of one that much slower
+    the receiver hears half as many at most, as each low is followed by a high no shorter.
+    """
+    if not case.has_clock:
+        return None
+    baud = case.baud if case.rate_is_known else max(PROTOCOLS[n].baud for n in PROTOCOLS.built_in)
+    heard = case.line["bytes"]
+    talks = (heard >= TALKING) & (heard * byte_time_ns(baud) < APART * BUCKET_NS)
+    if talks.sum() < MOMENTS or talks.sum() < 0.9 * (heard > 0).sum():
+        return None
+    return ALL_LOW, _rate(case.baud, ALL_LOW)
+
+
+def _rate(heard: int, times: int) -> int:
+    """Return the rate in use that is so many times slower than one at which the line was heard."""
+    if times >= ALL_LOW:  # or more
+        return max((one for one in RATES if one <= heard / times), default=RATES[0])
+    return min(_known(), key=lambda rate: abs(rate * times / heard - 1))
 
 
 RULES: Final[tuple[Rule, ...]] = (

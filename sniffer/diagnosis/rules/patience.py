@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -44,6 +45,12 @@ FINDINGS: Final = (
         "Whole answers behind the next request, one in fifty and more, and twenty requests without one: the median wait of both is the same, 1.5 ms at least, and varies by no more than a quarter and what the stamps leave open.",
     ),
     FindingCode(
+        "torn-behind-unanswered",
+        "controller",
+        "Answers are torn right behind requests that had none: the one that comes late lies over the next.",
+        "Ten torn answers and more, and three fifths of all, follow a request that was given up after one time, of two servos and more which mostly answer; and hardly two requests in a row have none.",
+    ),
+    FindingCode(
         "retry-storm",
         "controller",
         "A request that is not answered is said many times in a row, and the others wait.",
@@ -80,6 +87,10 @@ ONE_TIME: Final = 0.25
 
 PART_TORN: Final = 0.2
 """Share of failed exchanges that show a cause; what fewer show may look so by chance."""
+
+COLLIDED, SO_TORN, IN_ROW = 10, 0.6, 0.1
+"""Torn answers behind requests that had none, their part of all torn ones, and the part of such requests
+that may follow each other, as they do in moments in which a line or a supply fails."""
 
 OVERLAPS: Final = 3
 """Times that are no rounding."""
@@ -222,6 +233,43 @@ def gives_up(case: Case) -> Iterator[Finding]:
     )
 
 
+def torn_behind(case: Case) -> Iterator[Finding]:
+    """Torn answers behind requests that were given up: two lie over each other.
+
+    What tears answers for itself does not look whether the one before came.
+    """
+    failed = case.ledger.exchanges.failed
+    vain = {f.at + f.length: f for f in failed if f.outcome == NO_RESPONSE}
+    torn = [f for f in failed if f.outcome == DAMAGED]
+    behind = [f for f in torn if f.at in vain]
+    in_row = sum(f.at in vain for f in vain.values())
+    if len(behind) < max(COLLIDED, SO_TORN * len(torn)) or in_row > IN_ROW * len(vain):
+        return
+    before = [vain[f.at] for f in behind]
+    late = Counter(f.servo_id for f in before)
+    if min(len(late), len({f.servo_id for f in behind})) < ENOUGH:
+        return
+    if any(case.total("ok", servo) < n for servo, n in late.items()):
+        return  # who hardly ever answers is not there
+    low, middle, high = np.quantile([f.wait_ns for f in before], (0.1, 0.5, 0.9)).tolist()
+    unsure = float(np.median([f.unsure_ns for f in before]))
+    if case.has_clock and high - low > ONE_TIME * middle + unsure:
+        return  # another controller's requests come after any time
+    waited = f" for {middle / MS:.1f} ms" if case.has_clock else ""
+    yield Finding(
+        "torn-behind-unanswered",
+        None,
+        before[0].t_ns,
+        behind[-1].t_ns,
+        len(behind),
+        f"{len(behind)} of {len(torn)} torn answers follow a request that was waited with in vain{waited}, "
+        f"and of {len(vain)} such requests {in_row} follow another one",
+        tuple(Place(f.at, f.length, f.t_ns, "the answer before comes now") for f in behind[:3]),
+        strength=min(0.6 + len(behind) / 50, 1.0),
+        brief="late answers lie over the next ones",
+    )
+
+
 def belated(case: Case) -> Iterator[Finding]:
     """Answers in the place of the next one's, to a controller that did not wait for them."""
     waits = case.ledger.exchanges.waited()
@@ -340,6 +388,7 @@ RULES: Final[tuple[Rule, ...]] = (
     hurried,
     after_next,
     gives_up,
+    torn_behind,
     belated,
     retry_storms,
     absent_costs,

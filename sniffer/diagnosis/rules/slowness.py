@@ -134,7 +134,7 @@ def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
     kinds, lengths = exchanges.kinds, np.flatnonzero(exchanges.answer_lengths)
     differ = int(lengths[-1] - lengths[0]) if len(lengths) else 0
     byte_ns = case.ledger.byte_ns + exchanges.slower_ns
-    spare = max(case.latency_ns - MORE_NS, 0) + differ * byte_ns
+    spare = max(case.latency_ns - MORE_NS, exchanges.unsure_ns - MORE_NS, 0) + differ * byte_ns
     likes: dict[tuple[int, int, int], dict[int, int]] = {}
     for k in range(len(kinds)):
         alike = kinds.op[k], kinds.address[k], kinds.odd[k]

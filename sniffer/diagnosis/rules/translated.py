@@ -43,6 +43,9 @@ ASKED: Final = 8
 PLENTY: Final = 500
 """So many bytes without an eighth bit are no chance."""
 
+SAID: Final = 8
+"""Different values that a conversation has at least: a line that is held, or far slower, has one."""
+
 WITHOUT_ANY: Final = 2000
 """So many are none even where values are so different that no sequence comes again."""
 
@@ -93,7 +96,7 @@ def _without_eighth_bit(case: Case) -> Translated | None:
     """Tell whether this is a conversation in seven bits that no protocol knows."""
     head, total = case.ledger.head, case.ledger.bytes
     lost = int(case.line["gap_bytes"].sum())
-    if len(head) < PLENTY or max(head) >= READABLE:
+    if len(head) < PLENTY or max(head) >= READABLE or len(set(head)) < SAID:
         return None
     if total - lost > CHANCE * (total - case.held_bytes):
         return None

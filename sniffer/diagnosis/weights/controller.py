@@ -9,6 +9,7 @@ from sniffer.diagnosis.weights.table import for_
 _SPEAKS_INTO: Final = (
     ("request-swallowed", -3.0, "the request that was due stands in the torn answer"),
     ("hasty-request", -3.0, "the controller does not wait for the answers that are missing"),
+    ("torn-behind-unanswered", -4.0, "answers are torn where the one before is still to come"),
 )
 _MIXED: Final = ("answers-spoken-into", -2.5, "what is torn is torn for as long as a frame")
 """What speaks against a fault of the line: the controller tears the answers."""
@@ -60,9 +61,11 @@ WEIGHTS: Final = (
         )
         for weight in for_(cause, *_SPEAKS_INTO)
     ),
+    *for_("slow-servo", ("torn-behind-unanswered", -3.0, "others are as late, and torn for it")),
     *for_(
         "duplicate-id",
         ("request-swallowed", -5.0, "what stands there is a request: the one that is missing"),
+        ("torn-behind-unanswered", -4.0, "the other answer is that to the request before"),
         ("hasty-request", -3.0, "the controller does not wait for the answers that are missing"),
     ),
     *for_(
@@ -78,6 +81,7 @@ WEIGHTS: Final = (
         ("answers-spoken-into", 2.5, "answers begin well, and somebody speaks into them"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
         ("gives-up-early", 3.0, "it gives up after a time that answers exceed"),
+        ("torn-behind-unanswered", 5.0, "answers that come late lie over the next ones"),
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
         ("no-response", 0.5, "answers are lost among requests"),
