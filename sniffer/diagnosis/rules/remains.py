@@ -6,6 +6,7 @@ Noise alters bytes, and a piece in which one is altered becomes no frame by what
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.holding import held
@@ -70,6 +71,14 @@ ENDS: Final = 4
 
 DIGITS: Final = frozenset(b"0123456789")
 
+BY_TWO: Final = 0.2
+TWO: Final = 0.4
+"""Part of the pieces of which two who speak at once leave the end of the second one, and how much it
+counts where there are hardly more."""
+
+NOT_BY_TWO: Final = 5e-2
+"""How likely such a part is by two who speak at once where it counts no less."""
+
 BY_NOISE: Final = 0.3
 """Part of short pieces that noise makes of signs that stand in lines, with the end of one."""
 
@@ -116,7 +125,9 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
         f"{len(shown)} of {len(torn)} pieces ({len(of_requests)} of requests) lack nothing but bytes "
         "before them: no bit of them is altered"
     )
-    yield _told(shown, what, chance)
+    told = _told(shown, what, chance)
+    by_two = at_least(len(found), len(torn), BY_TWO) > NOT_BY_TWO
+    yield replace(told, strength=TWO * told.strength) if by_two else told
 
 
 def _line_ends(

@@ -1,0 +1,72 @@
+"""Two requests at once: what is heard of them is known bit by bit, with and without times."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from sniffer.diagnosis.comparing import header_of
+from sniffer.diagnosis.overlaid import of_two
+from sniffer.diagnosis.uart import BITS, both, heard, sent
+from tests.conversations import TONGUES, Conversation, swinging, without_clock
+from tests.diagnosed import codes, verdicts
+
+ASKS = {name: [tongue.ask(servo) for servo in (1, 2, 3)] for name, tongue in TONGUES.items()}
+
+
+def at_once(first: bytes, second: bytes, bits: float) -> bytes:
+    """Return what is heard where the second begins so many bits behind the first, by a UART."""
+    return heard(both(sent(first), sent(second, begin=bits), min))
+
+
+@pytest.mark.parametrize("protocol", list(TONGUES))
+@pytest.mark.parametrize("bits", [12.6, 15.3])
+def test_two_requests_that_lie_over_each_other_are_known(protocol: str, bits: float) -> None:
+    first, second, _ = ASKS[protocol]
+    got = at_once(first, second, BITS * header_of(ASKS[protocol]) + bits)
+    assert got not in (first, second)
+    assert of_two(got, ASKS[protocol])
+
+
+@pytest.mark.parametrize("protocol", list(TONGUES))
+def test_a_request_of_which_a_pulse_altered_a_byte_is_not_two(protocol: str) -> None:
+    rng = random.Random(7)
+    for request in ASKS[protocol]:
+        for _ in range(40):
+            got = bytearray(request)
+            got[rng.randrange(2, len(got) - 1)] ^= 1 << rng.randrange(8)
+            assert not of_two(bytes(got), ASKS[protocol])
+
+
+@pytest.mark.parametrize("protocol", list(TONGUES))
+def test_pieces_that_are_joined_as_they_were_sent_are_not_two(protocol: str) -> None:
+    """A tap that lost bytes joins the beginning of one request to the end of another."""
+    first, second, third = ASKS[protocol]
+    for got in (first[:3] + second[-2:], second[:-1] + third[-2:], first[:2] + third[-1:]):
+        assert not of_two(got, ASKS[protocol])
+
+
+def loop_with(torn: dict[int, bytes], protocol: str) -> Conversation:
+    """Return a loop in which some bytes stand in the place of some requests."""
+    talk = Conversation(protocol)
+    for k in range(600):
+        if k in torn:
+            talk.say(torn[k])
+            talk.rest(12)
+        talk.read(1 + k % 3, swinging(1 + k % 3, talk.now_s))
+    return talk
+
+
+@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.parametrize("protocol", ["wck", "lss"])
+def test_who_else_asks_is_known_by_requests_at_once(protocol: str, clock: bool) -> None:
+    rng = random.Random(3)
+    torn = {}
+    for k in range(5, 600, 40):
+        first, second = rng.sample(ASKS[protocol], 2)
+        torn[k] = at_once(first, second, rng.uniform(20, 30))
+    talk = loop_with(torn, protocol)
+    told = talk.diagnosed(talk.chunks if clock else without_clock(talk.chunks))
+    assert "requests-overlaid" in codes(told)
+    assert verdicts(told.incidents()) == [("two-masters", ())]
