@@ -47,12 +47,13 @@ def test_pieces_that_are_joined_as_they_were_sent_are_not_two(protocol: str) -> 
         assert not of_two(got, ASKS[protocol])
 
 
-def loop_with(torn: dict[int, bytes], protocol: str) -> Conversation:
-    """Return a loop in which some bytes stand in the place of some requests."""
-    talk = Conversation(protocol)
+def asked_at_once(protocol: str) -> Conversation:
+    """Return a loop into which somebody else asks now and then."""
+    talk, rng = Conversation(protocol), random.Random(3)
     for k in range(600):
-        if k in torn:
-            talk.say(torn[k])
+        if k % 40 == 5:
+            first, second = rng.sample(ASKS[protocol], 2)
+            talk.say(at_once(first, second, rng.uniform(20, 30)))
             talk.rest(12)
         talk.read(1 + k % 3, swinging(1 + k % 3, talk.now_s))
     return talk
@@ -61,12 +62,21 @@ def loop_with(torn: dict[int, bytes], protocol: str) -> Conversation:
 @pytest.mark.parametrize("clock", [True, False])
 @pytest.mark.parametrize("protocol", ["wck", "lss"])
 def test_who_else_asks_is_known_by_requests_at_once(protocol: str, clock: bool) -> None:
-    rng = random.Random(3)
-    torn = {}
-    for k in range(5, 600, 40):
-        first, second = rng.sample(ASKS[protocol], 2)
-        torn[k] = at_once(first, second, rng.uniform(20, 30))
-    talk = loop_with(torn, protocol)
+    talk = asked_at_once(protocol)
     told = talk.diagnosed(talk.chunks if clock else without_clock(talk.chunks))
     assert "requests-overlaid" in codes(told)
     assert verdicts(told.incidents()) == [("two-masters", ())]
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_short_pulses_between_sound_frames_are_known_without_times(clock: bool) -> None:
+    """Two who speak at once tear frames, and leave no byte alone between two that are sound."""
+    talk = Conversation("rs30x")
+    for k in range(300):
+        if k % 31 == 4:
+            talk.say(b"\xff" if k % 2 else b"\xfe")
+            talk.rest(3)
+        talk.read(1 + k % 3, swinging(1 + k % 3, talk.now_s))
+    told = talk.diagnosed(talk.chunks if clock else without_clock(talk.chunks))
+    assert "strays-alone" in codes(told)
+    assert "strays-alone" not in codes(asked_at_once("wck").diagnosed())
