@@ -8,7 +8,8 @@ import pytest
 
 from sniffer.diagnosis.comparing import header_of
 from sniffer.diagnosis.overlaid import of_two
-from sniffer.diagnosis.uart import BITS, both, heard, sent
+from sniffer.diagnosis.uart import BITS, both, heard, received, sent
+from sniffer.ground.model import Mark, MarkKind
 from tests.conversations import TONGUES, Conversation, swinging, without_clock
 from tests.diagnosed import codes, verdicts
 
@@ -80,3 +81,27 @@ def test_short_pulses_between_sound_frames_are_known_without_times(clock: bool) 
     told = talk.diagnosed(talk.chunks if clock else without_clock(talk.chunks))
     assert "strays-alone" in codes(told)
     assert "strays-alone" not in codes(asked_at_once("wck").diagnosed())
+
+
+def answered_at_once() -> Conversation:
+    """Return a loop in which two servos of id 2 stand alike, and one answers some bits later."""
+    talk, rng = Conversation("wck"), random.Random(3)
+    for k in range(240):
+        servo = 1 + k % 3
+        if servo != 2:
+            talk.read(servo, swinging(servo, talk.now_s))
+            continue
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        answer = bytes((2, 128))
+        bits = received(both(sent(answer), sent(answer, begin=rng.uniform(0.2, 1.4)), min))
+        marks = [Mark(MarkKind.FRAMING, n, 1) for n, b in enumerate(bits) if not b.stop]
+        talk.say(bytes(b.value for b in bits), marks=tuple(marks))
+        talk.rest(0.4)
+    return talk
+
+
+def test_two_at_rest_hold_each_others_stop_bits_low_as_no_clock_does() -> None:
+    told = answered_at_once().diagnosed()
+    assert "stop-bits-held-low" in codes(told)
+    assert verdicts(told.incidents()) == [("duplicate-id", (2,))]
