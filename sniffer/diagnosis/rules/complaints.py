@@ -11,7 +11,7 @@ from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REQUEST
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
@@ -360,7 +360,8 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
     size = case.ledger.answer_length
     if not case.protocol.ordered or case.has_checksum or not size:
         return
-    stray = [d for d in case.damages if d.kind == NOISE]
+    # what stands in the place of an answer was asked for
+    stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY]
     alike = [d for d in stray if len(d.got) == d.length == size]
     if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
         return
@@ -390,11 +391,5 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (
-    complaints,
-    together,
-    overload_passes,
-    chatty,
-    chatty_bare,
-)
+RULES: Final[tuple[Rule, ...]] = (complaints, together, overload_passes, chatty, chatty_bare)
 """The rules of this file."""
