@@ -44,6 +44,7 @@ from sniffer.diagnosis.rules import (
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
 from tests.test_sums import alone, longer
 
 if TYPE_CHECKING:
@@ -240,6 +241,8 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "two loops": two_loops,
         "two rounds": lambda: codes(two_rounds(31, 43, apart_ms=0.2).diagnosed()),
         "two of one period": two_of_one_period,
+        "two answers at once": lambda: codes(answered_at_once().diagnosed()),
+        "two requests at once": lambda: codes(asked_at_once("wck").diagnosed()),
         "sparks of all": sparks_of_all,
         "two makes": two_makes,
         "other protocol": lambda: as_other("mightyzap"),
@@ -275,6 +278,8 @@ TOLD: Final = (
     ("answers-mixed", "twins", "fast clock"),
     ("answers-always-torn", "fast clock", "contact"),
     ("requests-run-together", "two masters", "late edges"),
+    ("requests-overlaid", "two requests at once", "noise"),
+    ("stop-bits-held-low", "two answers at once", "slow clock"),
     ("requests-spoken-into", "two masters", "noise"),
     ("torn-when-none-due", "two masters", "held driver"),
     ("streams-apart", "two loops", "contact"),

@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.interruptions import torn_requests
 from sniffer.diagnosis.twins import LEAST, PART, torn_answers, torn_by_twins, twins
+from sniffer.ground.model import MarkKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -39,6 +45,15 @@ FINDINGS: Final = (
         "The bytes with which its answers always begin, laid over themselves some bits later (AND, OR), are what a UART made of at least three torn answers, and of a quarter of them.",
     ),
     FindingCode(
+        "stop-bits-held-low",
+        "pairing",
+        "Answers of a servo lack the byte behind one that has no stop bit, and whose last bit is low: the "
+        "line was held low, and no clock does that.",
+        "Six such answers of one servo at least, by the tap's own line errors, nine in ten of those that are "
+        "short, a quarter of its torn ones, and ten times as many as answers of others are torn. A clock that is slow has its stop "
+        "bits late, and the next byte begins as it should; one that is fast has them read as last bits.",
+    ),
+    FindingCode(
         "answers-always-torn",
         "pairing",
         "Hardly an answer of a servo is whole, and none is missing, while others are sound.",
@@ -52,6 +67,13 @@ NEARLY: Final = 0.9
 
 FEW: Final = 0.1
 """Part of the answers of others that may be torn, and of a servo's own that may be missing."""
+
+HELD_LOW: Final = 6
+CLEARLY: Final = 0.9
+"""How many answers that lack a byte behind a missing stop bit, and which part of the short ones."""
+
+HIGH_LAST: Final = 0x80
+"""The last bit of a byte."""
 
 EXACT_NS: Final = 2_000_000
 """Stamps that are worse do not tell a second answer from a late one to the request before."""
@@ -180,5 +202,41 @@ def always_torn(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (answers_twice, answers_mixed, always_torn)
+def stop_bits_held_low(case: Case) -> Iterator[Finding]:
+    """Find servos whose stop bits somebody else holds low, so that the next byte has no beginning."""
+    marks = case.remarks(MarkKind.FRAMING, MarkKind.BREAK)
+    if not len(marks) or not (case.has_checksum or case.protocol.ordered):
+        return  # lines are as long as what they say
+    ends = marks.at + marks.length
+    torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id >= 0]
+    by_servo = Counter(d.servo_id for d in torn)
+    short: dict[int, list[Damage]] = {}
+    for d in torn:
+        row = int(np.searchsorted(ends, d.at, "right"))  # the first one that ends behind its begin
+        is_marked = row < len(ends) and int(marks.at[row]) < d.at + d.length
+        if is_marked and d.length < min(map(len, d.alike), default=0):
+            short.setdefault(d.servo_id, []).append(d)
+    for servo, mine in short.items():
+        low = [d for d in mine if d.got[-1] < HIGH_LAST]
+        others = len(torn) - by_servo[servo]
+        if len(low) < max(HELD_LOW, CLEARLY * len(mine), PART * by_servo[servo], others / FEW):
+            continue
+        yield finding_of(
+            low,
+            "stop-bits-held-low",
+            servo,
+            f"{len(low)} of {by_servo[servo]} torn answers of servo {servo} lack the byte behind one "
+            "without a stop bit whose last bit is low",
+            "held low where its stop bit should be",
+            strength=min(len(low) / (2 * HELD_LOW), 1.0),
+            brief="somebody else holds its stop bits low",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    answers_twice,
+    answers_mixed,
+    stop_bits_held_low,
+    always_torn,
+)
 """The rules of this area."""

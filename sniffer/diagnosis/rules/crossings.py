@@ -11,6 +11,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.overlaid import of_two
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.ends import may_be_cut
 from sniffer.diagnosis.signs import beginnings, signed
@@ -32,6 +33,12 @@ FINDINGS: Final = (
         "line",
         "Two requests run into each other: bytes begin as one and end as another.",
         "Unclaimed bytes that begin as a request of this bus (three bytes and more), end as another one (three bytes), and are as long as neither of the two nor both in a row.",
+    ),
+    FindingCode(
+        "requests-overlaid",
+        "line",
+        "Torn bytes are, bit by bit, what a line gives on which two requests of this bus are said at once.",
+        "Two places and more that no one request explains but for two bytes, and no loss of bytes: a request begun within another, where who pulls low wins, makes just these. More of them than one in two hundred, as chance has it.",
     ),
     FindingCode(
         "requests-spoken-into",
@@ -56,8 +63,18 @@ FINDINGS: Final = (
 BY_PULSES: Final = 0.25
 """Share of torn requests of which pulses garble more: those whose stop bit they hit."""
 
+TRIED: Final = 60
+"""Torn places of which it is tried whether they are two requests."""
+
+BY_CHANCE: Final = 5e-3
+"""Part of the torn places that two requests would make by chance, of all the ways in which they may lie."""
+
 GARBLED: Final = 2
 """Bytes that a pulse alters at most where it leaves the length as it was."""
+
+TWICE: Final = 2
+SOME: Final = 1e-2
+"""Places, and how likely they are by chance, from where on they count."""
 
 ENOUGH: Final = 3
 LEAST_SURE: Final = 0.03
@@ -165,6 +182,32 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     )
 
 
+def overlaid(case: Case) -> Iterator[Finding]:
+    """Find places at which two requests give just what was heard."""
+    kinds = case.ledger.exchanges.kinds
+    often = sorted(range(len(kinds)), key=lambda k: -int(kinds.n[k]))[:KINDS]
+    known = tuple(dict.fromkeys(kinds.example[k] for k in often))
+    torn = [
+        d
+        for d in case.damages
+        if d.turn in (IN_REQUEST, IN_REPLY) and HEAD <= d.length == len(d.got)
+        if not any(_is_nearly(d.got, q) for q in known)
+    ][:TRIED]
+    shown = [d for d in torn if of_two(d.got, known)]
+    chance = at_least(len(shown), len(torn), BY_CHANCE)
+    if len(shown) < TWICE or chance > SOME:
+        return
+    yield finding_of(
+        shown,
+        "requests-overlaid",
+        None,
+        f"{len(shown)} of {len(torn)} torn frames are, bit by bit, two requests at once",
+        "two requests at once",
+        strength=sureness(chance, CHANCE),
+        brief=f"{len(shown)} requests lie over each other",
+    )
+
+
 def _begun(case: Case, d: Damage, known: Sequence[bytes]) -> Sequence[bytes]:
     """Return the requests as which bytes go on further than as anybody's answers begin."""
     most = max((alike(d.got, head) for head in beginnings(case).values()), default=0)
@@ -249,8 +292,13 @@ def _is_one(got: bytes, begun: Sequence[bytes], known: Sequence[bytes]) -> bool:
     """Tell whether bytes are a request but for a few, or but for one that is lost or more."""
     if any(abs(len(q) - len(got)) <= 1 for q in begun):
         return True
-    same = [q for q in known if len(q) == len(got)]
-    return any(sum(a != b for a, b in zip(got, q, strict=True)) <= GARBLED for q in same)
+    return any(_is_nearly(got, q) for q in known)
+
+
+def _is_nearly(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are a request but for a few that a pulse altered."""
+    same = len(got) == len(whole)
+    return same and sum(a != b for a, b in zip(got, whole, strict=True)) <= GARBLED
 
 
 def streams_apart(case: Case) -> Iterator[Finding]:
@@ -329,5 +377,11 @@ def _together(since: F64) -> float:
     return most
 
 
-RULES: Final[tuple[Rule, ...]] = (requests_run_together, spoken_into, when_none_due, streams_apart)
+RULES: Final[tuple[Rule, ...]] = (
+    requests_run_together,
+    overlaid,
+    spoken_into,
+    when_none_due,
+    streams_apart,
+)
 """The rules of this area."""

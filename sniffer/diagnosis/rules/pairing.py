@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import so_even, sureness
+from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.exchanges import KEPT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
@@ -124,6 +125,9 @@ MOSTLY: Final = 0.8
 """Part of the requests to a servo that is not there which have no answer: behind some stands what
 noise or a hole leaves of others."""
 
+MEANT: Final = 20
+"""How many times as often a request was said of which one bit was misread where another one is heard."""
+
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
 
@@ -147,7 +151,7 @@ def never_answered(case: Case) -> Iterator[Finding]:
         asked_along = len(rows) >= LOOKS or last - first > NS
         if not case.has_clock:  # counted from the bytes, a quarter second is anything
             asked_along |= 2 * (last - first) > case.last_ns - case.first_ns
-        if missing < ENOUGH or is_sweep or not asked_along:
+        if missing < ENOUGH or is_sweep or not asked_along or _is_misread(case, servo):
             continue
         yield Finding(
             "never-answered",
@@ -159,6 +163,28 @@ def never_answered(case: Case) -> Iterator[Finding]:
             (Place(int(a["at"][rows[0]]), 1, int(a["t_first"][rows[0]]), "the first request"),),
             brief=f"servo {servo} never answers ({missing} requests)",
         )
+
+
+def _is_misread(case: Case, servo: int) -> bool:
+    """Tell whether all that a servo is asked may be what others are asked, with one bit misread.
+
+    What has no checksum holds all the same; and where that happens, other bits tear frames.
+    """
+    kinds = case.ledger.exchanges.kinds
+    mine = [k for k in range(len(kinds)) if kinds.servo_id[k] == servo]
+    if int(case.damage["n"].sum()) < int(kinds.n[mine].sum()):
+        return False
+    others = [k for k in range(len(kinds)) if kinds.servo_id[k] in case.answering]
+    return all(
+        case.protocol.checksum_of(kinds.example[k]) is None
+        and any(
+            kinds.n[q] >= MEANT * kinds.n[k]
+            and len(kinds.example[q]) == len(kinds.example[k])
+            and bits_wrong(kinds.example[q], kinds.example[k]) == 1
+            for q in others
+        )
+        for k in mine
+    )
 
 
 def silences(case: Case) -> Iterator[Finding]:

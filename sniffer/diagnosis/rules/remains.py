@@ -74,6 +74,14 @@ ENDS: Final = 4
 
 DIGITS: Final = frozenset(b"0123456789")
 
+BY_TWO: Final = 0.2
+TWO: Final = 0.4
+"""Part of the pieces of which two who speak at once leave the end of the second one, and how much it
+counts where there are hardly more."""
+
+NOT_BY_TWO: Final = 5e-2
+"""How likely such a part is by two who speak at once where it counts no less."""
+
 BY_NOISE: Final = 0.3
 """Part of short pieces that noise makes of signs that stand in lines, with the end of one."""
 
@@ -124,7 +132,8 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     if not case.has_clock and not case.has_checksum and max(n for _, n in found.values()) <= BARE:
         # a bare answer over the beginning of the next request leaves the same, and is an answer
         told = replace(told, strength=told.strength * EITHER)
-    yield told
+    by_two = at_least(len(found), len(torn), BY_TWO) > NOT_BY_TWO
+    yield replace(told, strength=TWO * told.strength) if by_two else told
 
 
 def _line_ends(

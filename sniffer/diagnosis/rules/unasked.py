@@ -314,7 +314,8 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
     size = case.ledger.answer_length
     if not case.protocol.ordered or case.has_checksum or not size:
         return
-    stray = [d for d in case.damages if d.kind == NOISE]
+    # what stands in the place of an answer was asked for
+    stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY]
     alike = [d for d in stray if len(d.got) == d.length == size]
     if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
         return

@@ -228,6 +228,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("clock-off", 5.0, "a clock that is off explains its torn answers"),
         ("places-scatter", -6.0, "no bits read early or late make of one place the other"),
         ("answers-mixed", -2.5, "two answers at once explain it"),
+        ("stop-bits-held-low", -2.5, "a clock has its stop bits early or late, and has them"),
         ("answers-always-torn", 0.5, "each of its answers is misread"),
         ("last-bits", 4.0, "its bytes are misread at their end"),
         ("damage-one-servo", 2.0, "only its answers are hit"),
@@ -251,6 +252,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
         ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),
+        ("stop-bits-held-low", 3.0, "the second answer is low where the first has its stop bit"),
         ("damage-one-servo", 1.5, "only its answers are hit"),
         ("speaks-unasked", 0.6, "the second answer stands alone"),
         ("behind-its-own-alone", 3.0, "who says more answers the same request"),
@@ -284,6 +286,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     ),
     *for_(
         "bad-cable",
+        ("stop-bits-held-low", -2.5, "an open wire is high"),
         ("comes-and-goes", 4.0, "its answers get lost for moments, and others' do not"),
         ("lost-together", 1.5, "servos behind one place of the chain fail together"),
         ("damage-one-servo", 1.0, "only these servos' answers are hit"),

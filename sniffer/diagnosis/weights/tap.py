@@ -173,7 +173,7 @@ WEIGHTS: Final = (
         ("frames-spliced", -1.5, "what runs together is altered where it does"),
         ("bytes-lost", -1.5, "the tap's driver counted losses"),
         ("adapter-echo", -2.0, "the adapter hears what it sends"),
-        ("pieces-complete", -1.5, "what runs together is altered where it does"),
+        ("pieces-complete", 0.1, "the end of the second of two that run together is whole"),
     ),
     *(
         weight

@@ -6,7 +6,20 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import Weight, for_
 
+_ALONE: Final = (
+    *("bus-noise", "emi-load", "signal-integrity", "bad-cable", "tap-loss", "turnaround"),
+    *("duplicate-id", "clock-drift", "impatient-controller", "line-stuck", "chatty-device"),
+)
+"""Causes that have one controller, which does not speak into its own requests."""
+
 WEIGHTS: Final[tuple[Weight, ...]] = (
+    *(
+        weight
+        for cause in _ALONE
+        for weight in for_(
+            cause, ("requests-overlaid", -4.0, "two requests at once make just these bytes")
+        )
+    ),
     *for_(
         "bus-noise",
         ("requests-spoken-into", -2.5, "what is torn is torn for as long as a frame"),
@@ -91,6 +104,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("interleaved-requests", 6.5, "the same requests come in two rhythms"),
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
         ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
+        ("requests-overlaid", 7.0, "two requests at once make just these bytes"),
         ("streams-apart", 3.0, "two loops keep two times"),
         ("rounds-cross", 5.5, "requests of one round stand anywhere between those of another"),
         (
