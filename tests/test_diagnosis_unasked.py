@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import random
+
+from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import suffering
 
@@ -20,3 +23,16 @@ def test_what_a_device_itself_speaks_into_is_not_torn_elsewhere() -> None:
 def test_the_second_answers_of_one_servo_do_not_hide_another_ones_words() -> None:
     d = suffering("rs30x", "chatty:1:8% duplicate-id:2:40%", 12.0)
     assert verdicts(d.incidents()) == [("chatty-device", (1,)), ("duplicate-id", (2,))]
+
+
+def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_asked_last() -> None:
+    rng = random.Random(4)
+
+    def say(talk: Conversation, cycle: int) -> None:
+        if cycle % 12 == 0:  # some ms behind the answer of servo 3, one time more than another
+            talk.rest(rng.uniform(1, 14))
+            talk.say(talk.tongue.answer(3, swinging(3, talk.now_s)))
+
+    d = robot("lss", 15, behind=say).diagnosed()
+    assert "behind-its-own-alone" not in codes(d)
+    assert verdicts(d.incidents()) == [("chatty-device", (3,))]

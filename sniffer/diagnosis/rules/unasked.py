@@ -63,8 +63,11 @@ OWN: Final = 0.9
 ALONE: Final = 1e-2
 """Chance at most that one who speaks at any time says all of it behind its own answers."""
 
+PROMPT_NS: Final = NS // 1000
+"""By how much more two servos differ in the time that they take for an answer is seldom."""
+
 EITHER: Final = 0.5
-"""How much counts what one servo may have said as well as another one."""
+"""How much counts what one servo may have said as well as another one, or unasked."""
 
 _HEARD_AS: Final = (
     "unsolicited-response",
@@ -117,7 +120,11 @@ def chatty(case: Case) -> Iterator[Finding]:
         unasked[servo] = unasked.get(servo, 0) + said.n
     shares = {s: case.total("asked", s) / max(case.total("asked"), 1) for s in unasked}
     seconds = {s: min(_seconds(case, s, ends), n) for s, n in unasked.items()}
-    chances = {s: at_least(seconds[s], n, shares[s]) for s, n in unasked.items()}
+    # who speaks when the line is at rest stands behind whoever was asked last in the cycle
+    chances = {
+        s: at_least(seconds[s], n, shares[s]) if _are_prompt(case, s) else 1.0
+        for s, n in unasked.items()
+    }
     for servo, n in unasked.items():
         if n < UNASKED:
             continue
@@ -172,9 +179,10 @@ def chatty(case: Case) -> Iterator[Finding]:
                     case.anomalies("duplicate-response", servo_id=servo),
                     "the second of two answers",
                 ),
-                strength=_unlikely(chances[servo]),
+                strength=_unlikely(chances[servo]) * (1.0 if case.has_clock else EITHER),
                 brief=f"a second servo {servo} answers now and then",
             )
+        if chances[servo] < ALONE and case.has_clock:
             continue
         # a word behind a torn request looks like a late answer to it
         heard = case.anomalies(*_HEARD_AS, servo_id=servo)
@@ -214,6 +222,16 @@ def _seconds(case: Case, servo: int, ends: Set[int]) -> int:
     events = case.anomalies("duplicate-response", servo_id=servo)
     rows = case.alarm_rows("duplicate-response", servo_id=servo)
     return int(case.alarms["n"][rows].sum()) - int(np.isin(events.at, list(ends)).sum())
+
+
+def _are_prompt(case: Case, servo: int) -> bool:
+    """Tell whether second answers come about as soon behind the first ones as servos answer."""
+    some = [s.times for s in case.ledger.second_answers.kept if s.servo_id == servo]
+    if not case.has_clock or not some:
+        return True
+    since = np.array([second[0] - first[1] for first, second in some])
+    low, high = np.quantile(since, (0.1, 0.9))
+    return bool(high - low <= PROMPT_NS + 2 * case.latency_ns)
 
 
 def _apart(case: Case, servo: int, words: I64, since: int, until: int) -> Iterator[Finding]:
