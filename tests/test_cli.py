@@ -106,6 +106,10 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
             f"No such option '{option}': --format {form} prints that"
         )
     assert "--where \"severity = 'error'\"" in within(capsys, "stats", "a", "--errors").complaint
+    assert within(capsys, "check", "a.log").complaint == (
+        "Missing option '--rules': see `sniffer check --help`, and `sniffer check --example` for "
+        "rules to begin with"
+    )
     assert "Did you mean 'cut'?" in within(capsys, "cut2").complaint
     assert (
         within(capsys, "decode").complaint

@@ -29,7 +29,10 @@ def with_help(error: click.ClickException) -> str:
         told = f"No such option '{error.option_name}': {others};"
     else:
         told = f"{told.rstrip('.')}:"
-    return f"{told} see `{ctx.command_path if ctx else 'sniffer'} --help`"
+    path = ctx.command_path if ctx else "sniffer"
+    if ctx and any("--example" in param.opts for param in ctx.command.params):
+        return f"{told} see `{path} --help`, and `{path} --example` for rules to begin with"
+    return f"{told} see `{path} --help`"
 
 
 _NO_COMMAND: Final = re.compile(r"No such command '([^']+)'")
