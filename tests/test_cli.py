@@ -99,6 +99,17 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
         "No such command 'measure': did you mean 'stats' "
         "(Count and measure: load, rates, times, errors)?"
     )
+    for word, meant in (("export", "convert"), ("info", "stats"), ("tail", "record")):
+        assert f"did you mean '{meant}' (" in within(capsys, word).complaint
+    for option, form in (("--json", "jsonl"), ("--text", "text")):
+        assert within(capsys, "decode", "a.log", option).complaint == (
+            f"No such option '{option}': --format {form} prints that"
+        )
+    assert "--where \"severity = 'error'\"" in within(capsys, "stats", "a", "--errors").complaint
+    assert within(capsys, "check", "a.log").complaint == (
+        "Missing option '--rules': see `sniffer check --help`, and `sniffer check --example` for "
+        "rules to begin with"
+    )
     assert "Did you mean 'cut'?" in within(capsys, "cut2").complaint
     assert (
         within(capsys, "decode").complaint

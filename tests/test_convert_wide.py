@@ -191,3 +191,28 @@ def test_a_step_that_is_none_or_goes_without_a_wide_table_is_refused(
     assert ran.status == 2
     why = "write a time of 1 ms or more, such as 1s or 100ms"
     assert ("--every goes with --wide" if given == "20" else why) in ran.err
+
+
+@pytest.mark.parametrize(
+    ("names", "titles"),
+    [
+        (["bus0:1=elbow", "arm:1=knee"], {"elbow", "knee"}),
+        (["1=knee"], {"knee"}),
+        (["1=knee", "2=knee"], {"1 knee", "2 knee"}),
+        (["1=2"], {"1 2", "2"}),
+        (["bus0:1==evil"], {"'=evil", "1"}),
+    ],
+)
+def test_columns_have_the_names_of_servos_and_no_two_share_one(
+    names: list[str], titles: set[str], tmp_path: Path, capsys: Capsys
+) -> None:
+    path, out = tmp_path / "x.log", tmp_path / "x.csv"
+    left = log(talk(4)).splitlines()
+    path.write_text("\n".join(sorted(left + [line.replace("bus0", "arm") for line in left])))
+    options = [word for name in names for word in ("--name", name)]
+    assert within(capsys, "convert", path, out, "--wide", *options).status == 0
+    with out.open(newline="") as file:
+        head = next(csv.reader(file))
+    assert len(set(head)) == len(head)
+    assert {title.rpartition(".")[0] for title in head[2:]} >= titles
+    assert not any(title.startswith("1.") for title in head if "1" not in titles)

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.conversations import Conversation, robot, through_usb, without_clock
-from tests.diagnosed import codes, verdicts
+from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from sniffer.diagnosis import Diagnosis
 
 STATE = (0x2A, 18)
 """Position, time, speed, current, temperature and voltage, and six zeros behind them."""
@@ -78,7 +80,7 @@ def test_answers_that_begin_as_they_should_or_as_requests_do_are_not_torn_in_fro
     assert "first-byte-torn" in codes(spoken_into(b"1QD", 0.1).diagnosed())
 
 
-def limited(*, torn: int, writes: int = 0, deg: int = 20, beyond: int = 0) -> set[str]:
+def limited(*, torn: int, writes: int = 0, deg: int = 20, beyond: int = 0) -> Diagnosis:
     """Return what is found where a servo is told its limits so many times, beside torn requests.
 
     Where it is never told them they are read. ``beyond``: in how many cycles a goal is at 120
@@ -103,21 +105,28 @@ def limited(*, torn: int, writes: int = 0, deg: int = 20, beyond: int = 0) -> se
             talk.say(rs30x.returned(1, 0x08, limits))
         if cycle % 20 == 9 and cycle < 20 * beyond:
             talk.write(rs30x.write(1, 0x1E, (1200).to_bytes(2, "little")))
-    return codes(talk.diagnosed())
+    return talk.diagnosed()
 
 
 def test_limits_that_one_frame_writes_among_torn_ones_may_be_torn_themselves() -> None:
-    assert "goal-beyond-limits" not in limited(torn=8, writes=1)
+    assert "goal-beyond-limits" not in codes(limited(torn=8, writes=1))
+
+
+def test_goals_beyond_limits_are_counted_and_not_those_beside_them() -> None:
+    (told,) = [
+        f for f in found(limited(torn=0, deg=110, beyond=4)) if f.code == "goal-beyond-limits"
+    ]
+    assert told.count == 4
 
 
 def test_limits_count_where_nothing_is_torn() -> None:
-    assert "goal-beyond-limits" in limited(torn=0, writes=1)
+    assert "goal-beyond-limits" in codes(limited(torn=0, writes=1))
 
 
 def test_one_goal_beyond_the_limits_among_torn_frames_may_be_torn_itself() -> None:
-    assert "goal-beyond-limits" not in limited(torn=8, deg=110, beyond=1)
-    assert "goal-beyond-limits" in limited(torn=8, deg=110, beyond=4)
-    assert "goal-beyond-limits" in limited(torn=0, deg=110, beyond=1)
+    assert "goal-beyond-limits" not in codes(limited(torn=8, deg=110, beyond=1))
+    assert "goal-beyond-limits" in codes(limited(torn=8, deg=110, beyond=4))
+    assert "goal-beyond-limits" in codes(limited(torn=0, deg=110, beyond=1))
 
 
 def test_a_burst_over_two_requests_and_the_answer_between_are_not_two_that_run_together() -> None:

@@ -137,9 +137,11 @@ def test_what_is_live_is_shown_when_its_pass_is_over(waits: OrderLag, shown: int
     from sniffer.decoding.pipeline import Pipeline
 
     out = io.StringIO()
-    sink = TextSink(out, width=80, color=False, waits=waits)
+    sink = TextSink(out, width=80, color=False, waits=waits, buses=["arm", "leg"])
     pipeline = Pipeline(Options(protocol="mightyzap"), [sink], live=True)
     for n, code in enumerate((0xF1, 0)):
         pipeline.decode("arm", [Chunk(packet(1, code), NS + n * 5 * MS, Clock.READ, "arm")])
     pipeline.idle(NS + 150 * MS)
-    assert len(out.getvalue().splitlines()) == (shown + 1 if shown else 0)
+    lines = out.getvalue().splitlines()
+    assert len(lines) == (shown + 1 if shown else 0)
+    assert all("bus" in line.split() or "arm" in line.split() for line in lines)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import filter_of
+from sniffer.inside.moment import MomentRow
+from sniffer.inside.panes import moment_table
 from sniffer.inside.view import LineView
 from sniffer.sinks.words import took_in_words
 from tests.test_open import DAMAGED, indexed, judged
@@ -55,3 +59,28 @@ def test_figures_of_exchanges_count_both_halves(index: CaptureIndex) -> None:
     answers = index.lines[(index.lines["kind"] == 1) & (index.lines["servo"] == 2)]
     assert two.answers == len(answers)
     assert two.requests == int((answers["partner"] >= 0).sum())
+
+
+@pytest.mark.parametrize(("width", "lacks"), [(80, ["speed"]), (40, ["speed", "current", "age"])])
+def test_servos_of_a_moment_leave_out_what_has_no_room_and_cut_no_number(
+    width: int, lacks: list[str]
+) -> None:
+    cells = {
+        "position": "9.502 mm",
+        "goal": "9.927 mm",
+        "error": "-0.4249 mm",
+        "speed": "-59.1 deg/s",
+        "load": "-232",
+        "current": "227 mA",
+        "voltage": "11.55 V",
+        "temp": "37.6 °C",
+    }
+    rows = [MomentRow(bus, 2, "2", cells, 0.024) for bus in ("arm", "leg")]
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as printed:
+        console.print(moment_table(rows, width))
+    head, *lines = printed.get().splitlines()
+    assert "…" not in printed.get()
+    assert [line.split()[:2] for line in lines] == [["arm", "2"], ["leg", "2"]]
+    assert not set(lacks) & set(head.split())
+    assert "position" in head

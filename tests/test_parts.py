@@ -288,11 +288,7 @@ def test_every_kind_of_output_is_the_same_in_parts(
             lines.append(text.getvalue())
         assert lines[0] == lines[1]
     elif suffix == ".txt":
-        texts = [path.read_text(encoding="utf-8").partition("\n\n") for path in made]
-        assert texts[0][0] == texts[1][0]
-        # commands that are as frequent stand in the order in which groups of bytes have them
-        words = [sorted(summary.replace(",", " ").split()) for _, _, summary in texts]
-        assert words[0] == words[1]
+        assert parted.read_text(encoding="utf-8") == whole.read_text(encoding="utf-8")
     else:
         assert parted.read_bytes() == whole.read_bytes()
 

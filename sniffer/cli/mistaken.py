@@ -29,7 +29,10 @@ def with_help(error: click.ClickException) -> str:
         told = f"No such option '{error.option_name}': {others};"
     else:
         told = f"{told.rstrip('.')}:"
-    return f"{told} see `{ctx.command_path if ctx else 'sniffer'} --help`"
+    path = ctx.command_path if ctx else "sniffer"
+    if ctx and any("--example" in param.opts for param in ctx.command.params):
+        return f"{told} see `{path} --help`, and `{path} --example` for rules to begin with"
+    return f"{told} see `{path} --help`"
 
 
 _NO_COMMAND: Final = re.compile(r"No such command '([^']+)'")
@@ -41,12 +44,31 @@ def _who_does(error: click.ClickException, word: str) -> str:
     if not isinstance(group, click.Group):
         return ""
     told = {name: command.get_short_help_str(200) for name, command in group.commands.items()}
-    does = [n for n, line in told.items() if word.lower() in re.findall(r"\w+", line.lower())]
+    does = [name for name, words in _ALSO_CALLED.items() if word.lower() in words.split()]
+    does = does or [
+        n for n, line in told.items() if word.lower() in re.findall(r"\w+", line.lower())
+    ]
     if not 0 < len(does) <= _FEW:
         return ""
     meant = [f"'{name}' ({told[name].rstrip('.')})" for name in does]
     return f"did you mean {' or '.join(meant)}?"
 
+
+_ALSO_CALLED: Final = {
+    "decode": "show print cat dump parse log read",
+    "stats": "info summary statistics measure rates latency timing jitter",
+    "record": "tail watch monitor capture listen sniff live",
+    "convert": "export save transform csv parquet",
+    "view": "plot graph chart rerun",
+    "cut": "trim slice split extract crop",
+    "merge": "join concat combine",
+    "check": "test verify validate assert ci",
+    "query": "sql select duckdb",
+    "state": "servos settings config",
+    "ports": "devices adapters",
+    "open": "browse tui inspect",
+}
+"""What else people call what a command does, where its line of help does not say so."""
 
 _FEW: Final = 3
 """More commands than that are not named: nobody could choose."""
@@ -75,6 +97,17 @@ _OTHERWISE: Final = {
     **dict.fromkeys(("--since", "--start", "--begin"), ("--from", "--from 10s begins there")),
     **dict.fromkeys(("--until", "--end", "--stop"), ("--to", "--to 20s ends there")),
     **dict.fromkeys(("--id", "--servos"), ("--servo", "--servo 3,5 selects servos")),
+    **dict.fromkeys(
+        ("--at", "--time", "--when"),
+        ("--around", "--from 20s --around 1s is the time about it, --to 20s all before"),
+    ),
+    **dict.fromkeys(
+        ("--error", "--errors"), ("--where", "--where \"severity = 'error'\" selects them")
+    ),
+    **dict.fromkeys(
+        ("--quantity", "--register"),
+        ("--where", "--where \"quantity = 'voltage'\" selects what is said of it"),
+    ),
 }
 """What others call an option: the one that a command has, and what it does."""
 
@@ -85,6 +118,10 @@ def _otherwise(error: click.NoSuchOption) -> str | None:
     params = error.ctx.command.params if error.ctx else ()
     if any(option in param.opts for param in params):
         return does
+    for param in params:  # --json for --format jsonl
+        words = getattr(param.type, "choices", ()) if "--format" in param.opts else ()
+        if form := next((w for w in words if w.startswith(error.option_name[2:])), None):
+            return f"--format {form} prints that"
     return _selects_no_rows(error)
 
 

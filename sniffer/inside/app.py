@@ -205,7 +205,8 @@ class LookingGlass(App[None]):
             self.fields.show(detail)
             self._light()
         elif pane == "board":
-            self.board.show(moment_table(moment_of(self.index, line)))
+            room = self.board.scrollable_content_region.width or self.size.width
+            self.board.show(moment_table(moment_of(self.index, line), room))
 
     def _light(self) -> None:
         fields, pane = self.fields, self.bytes

@@ -34,6 +34,9 @@ AGAIN_S: Final = 1.0
 AGAIN: Final = 10.0
 """Lines that come are counted anew after so long at the soonest, or so many times what it took."""
 
+SPARED: Final = ("speed", "current", "age", "temp", "load", "error", "voltage", "goal")
+"""Columns of servos that are left out where there is no room, these first."""
+
 ROWS_MOST: Final = 400
 """Lines of bytes that are drawn of one frame: no frame has more."""
 
@@ -166,23 +169,36 @@ def _alike(before: Detail, now: Detail) -> bool:
     return names(before) == names(now)
 
 
-def moment_table(rows: list[MomentRow]) -> Table | str:
-    """Return the servos of a moment."""
+def moment_table(rows: list[MomentRow], width: int) -> Table | str:
+    """Return the servos of a moment; what has no room is left out, for a cut number is a wrong one.
+
+    Without room for all columns, those of ``SPARED`` go one after the other.
+    """
     if not rows:
         return "No servo has told a value yet."
     titles = [TITLES.get(q, q) for q in SHOWN]
     titles.insert(titles.index("goal") + 1, "error")
-    used = [t for t in titles if any(t in row.cells for row in rows)]
-    out = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    several = len({row.bus for row in rows}) > 1
     named = any(row.who != str(row.servo) for row in rows if row.servo >= 0)
-    for title in (["bus"] if several else []) + ["servo", *used, "age"]:
-        side: JustifyMethod = "left" if named and title == "servo" else "right"
+    columns = {
+        "bus": [plain(row.bus) for row in rows],
+        "servo": [plain(row.who) if row.servo >= 0 else "-" for row in rows],
+        **{title: [row.cells.get(title, "") for row in rows] for title in titles},
+        "age": [_age(row.age_s) for row in rows],
+    }
+    columns = {title: cells for title, cells in columns.items() if any(cells)}
+    if len(set(columns["bus"])) < 2:
+        del columns["bus"]
+    for title in ("", *SPARED):
+        columns.pop(title, None)
+        if sum(max(map(cell_len, (t, *cells))) + 1 for t, cells in columns.items()) - 1 <= width:
+            break
+    out = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for title in columns:
+        is_word = title == "bus" or (named and title == "servo")
+        side: JustifyMethod = "left" if is_word else "right"
         out.add_column(title, justify=side, no_wrap=True)
-    for row in rows:
-        cells = [row.cells.get(title, "") for title in used]
-        bus = [plain(row.bus)] if several else []
-        out.add_row(*bus, plain(row.who) if row.servo >= 0 else "-", *cells, _age(row.age_s))
+    for cells in zip(*columns.values(), strict=True):
+        out.add_row(*cells)
     return out
 
 

@@ -266,9 +266,9 @@ def run_recording(
     try:
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
-            screen = tell.screen = Screen(
-                mode, recorder.status, stream=stream, board=board, selection=selection, color=color
-            )
+            buses = [tap.spec.bus for tap in recorder.taps]
+            shown = functools.partial(Screen, board=board, selection=selection, color=color)
+            screen = tell.screen = shown(mode, recorder.status, stream=stream, buses=buses)
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))
         sys.setswitchinterval(SWITCH_S)

@@ -39,7 +39,7 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
     if slices is None:
         return None
     first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
-    columns = {"from": [_of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))]}
+    columns = {"from": [of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))]}
     # none of what nobody asked for is no finding: anomalies alone have no bytes
     has_bytes = tables is None or any(table != "anomalies" for table in tables)
     if has_bytes:
@@ -74,7 +74,7 @@ def has_replies(bus: Mapping[str, Any]) -> bool:
     return slices is not None and any(slices["response_time_ns"]["count"])
 
 
-def _of_day(t_ns: int, step_ns: int) -> str:
+def of_day(t_ns: int, step_ns: int) -> str:
     """Return a time of day (UTC) as finely as steps need it."""
     digits = next((n for n in (0, 3) if step_ns % 10 ** (9 - n) == 0), 6)
     part = f".{t_ns % NS // 10 ** (9 - digits):0{digits}}" if digits else ""

@@ -246,7 +246,7 @@ def _commands(bus: str, b: BusTotals, names: ServoNames) -> Table:
             ops.setdefault(op, [0, 0])[kind == "response"] += n
         told = ", ".join(
             f"{op}{GLUE}{asked}" + (f"/{got}" if got else "")
-            for op, (asked, got) in sorted(ops.items(), key=lambda e: -sum(e[1]))
+            for op, (asked, got) in sorted(ops.items(), key=lambda e: (-sum(e[1]), e[0]))
         )
         row = [glued(names.label(bus, servo)) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:

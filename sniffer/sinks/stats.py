@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
@@ -22,7 +22,7 @@ from sniffer.sinks.motions import (
     step_table,
     unreached_table,
 )
-from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
+from sniffer.sinks.overtime import BARS_MOST, has_replies, of_day, over_time
 from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
 from sniffer.statistics.told import OF_SERVOS
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
+
+_ENDS: Final = ("first_answer", "last_answer")
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -128,7 +130,7 @@ def _tables(
             "when each servo was heard, silent longest first"
             if tables is None
             else "when each servo said what is selected, longest ago first",
-            _heard(bus, first, many=many, silent=tables is None),
+            _heard(bus, first, width, many=many, silent=tables is None),
         ),
         ("response times in ms, slowest first", _replies(bus, first, width, many=many)),
         ("following error (goal less position), greatest first", error_table(bus, first)),
@@ -231,31 +233,31 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     return table
 
 
-def _heard(bus: Mapping[str, Any], first: int, *, many: bool, silent: bool) -> Tabulated | None:
+def _heard(
+    bus: Mapping[str, Any], first: int, width: int, *, many: bool, silent: bool
+) -> Tabulated | None:
     """Return when servos answered; ``silent``: also those that never did."""
     servos = [s for s in bus["servos"] if silent or s["last_answer"] is not None]
     if bus["load"] is None or not servos:
         return None
-    table = Tabulated("servo", "answers", "first s", "last s", "since then s", left=left_of(bus))
-    for column in ("longest pause ms", "from s"):
+    clock = ("last at",) if width >= ROOMY else ()
+    table = Tabulated("servo", "answers", "first s", "last s", *clock, left=left_of(bus))
+    for column in ("since then s", "longest pause ms", "from s"):
         table.add_column(column)
-    ends = {n: s["last_answer"] or {"t_ns": first} for n, s in enumerate(servos)}
-    for n in sorted(ends, key=lambda n: ends[n]["t_ns"]):
-        s, silent_ns = servos[n], bus["last_ns"] - ends[n]["t_ns"]
-        cells = (
-            ["never", ""]
-            if s["last_answer"] is None
-            else [seconds_of(s[end]["t_ns"], first, bus) for end in ("first_answer", "last_answer")]
-        )
-        pause = s["longest_pause"]
-        told = (
-            ["", ""]
-            if pause is None
-            else [ms_of(pause, "value_ns"), seconds_of(pause["t_ns"], first, bus)]
-        )
-        table.add_row(
-            who_of(s, many=many), str(s["responses"]), *cells, f"{silent_ns / NS:.3f}", *told
-        )
+
+    def ended(s: Mapping[str, Any]) -> int:
+        return int(first if s["last_answer"] is None else s["last_answer"]["t_ns"])
+
+    for s in sorted(servos, key=ended):
+        last, pause = s["last_answer"], s["longest_pause"]
+        row = [str(s["responses"]), "never", "", *([""] * len(clock))]
+        if last is not None:
+            row[1:3] = (seconds_of(s[end]["t_ns"], first, bus) for end in _ENDS)
+            row[3:] = [of_day(last["t_ns"], MS)] * len(clock)
+        row.append(f"{(bus['last_ns'] - ended(s)) / NS:.3f}")
+        if pause is not None:
+            row += [ms_of(pause, "value_ns"), seconds_of(pause["t_ns"], first, bus)]
+        table.add_row(who_of(s, many=many), *row)
     return table
 
 

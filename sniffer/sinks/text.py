@@ -89,7 +89,8 @@ class TextSink:
     """Writes to a stream, as wide as its terminal; elsewhere nothing is cut.
 
     ``color`` None asks the stream whether it is a terminal; ``times`` is one of ``TIMES``;
-    ``waits`` is how long a line waits for those that other buses may have before it.
+    ``waits`` is how long a line waits for those that other buses may have before it; ``buses``
+    are those of which something will come, as far as that is known.
     """
 
     def __init__(
@@ -100,6 +101,7 @@ class TextSink:
         color: bool | None = None,
         times: str = ABSOLUTE,
         waits: OrderLag = READ,
+        buses: Iterable[str] = (),
     ) -> None:
         self._console = console_for(stream, color=color, width=width)
         self._stream = stream
@@ -116,6 +118,7 @@ class TextSink:
         self._wide = self._width >= WIDE
         self._ids = IDS
         self._lines = InTime[_Laid](waits)
+        self._expected = frozenset(buses)
         self._widths: list[int] = []
         """Of the columns, once there is a line."""
         self._with_bytes = self._with_bus = False
@@ -180,7 +183,8 @@ class TextSink:
         told = []
         if not self._widths:
             begun = due[0][1].t_ns + FIRST_NS
-            self._lay_out(sorted({bus for bus, line in due if line.t_ns < begun}))
+            heard = {bus for bus, line in due if line.t_ns < begun}
+            self._lay_out(sorted(heard | self._expected))
             told.append(self._head())
         for bus, line in due:
             if bus not in self._shown and not self._with_bus:

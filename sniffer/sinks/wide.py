@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.fields import tidied
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.files import open_binary, writing
@@ -36,10 +37,19 @@ _VALUE: Final = np.dtype([("row", "<i8"), ("column", "<i4"), ("value", "<f8")])
 _ROW: Final = np.dtype([("t_ns", "<i8"), ("bus", "<i4")])
 
 
+class _Column(NamedTuple):
+    """What a column is of: servos with one id have several where buses call them otherwise."""
+
+    servo_id: int
+    quantity: str
+    called: str | None
+
+
 class WideSink:
     """Writes a wide table, ``.csv`` or ``.parquet`` by the path's suffix.
 
-    Columns: ``t_ns``, ``bus``, then ``<servo>.<quantity>_<unit>``. A cell is blank where the frame
+    Columns: ``t_ns``, ``bus``, then ``<servo>.<quantity>_<unit>``, the servo by its name where it
+    has one, and by both where several ids have that one. A cell is blank where the frame
     says nothing of it, or, with ``hold``, has the last value of its bus. With ``every_ns`` a bus
     has a row each such step of time instead, with what was said last in it.
     """
@@ -50,8 +60,9 @@ class WideSink:
         self._every_ns = every_ns
         self._spaced: dict[int, Spaced] = {}
         self._file = open_binary(path)
-        self._columns: dict[tuple[int, str], int] = {}
-        self._placed: dict[tuple[int, str], tuple[str, int]] = {}
+        self._columns: dict[_Column, int] = {}
+        self._placed: dict[_Column, tuple[str, int]] = {}
+        self._names = ServoNames()
         self._buses: dict[str, int] = {}
         self._n = 0
         self._rows = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
@@ -59,6 +70,10 @@ class WideSink:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: tables hold what was decoded."""
+
+    def call(self, names: ServoNames) -> None:
+        """Take what servos are called."""
+        self._names = names
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Keep the batch's values until it is known which columns there are."""
@@ -77,7 +92,7 @@ class WideSink:
         for key in keys.tolist():
             name = names[key & 0xFFFFFFFF]
             assert name is not None, "only quantities are kept"
-            titled = (key >> 32, name)
+            titled = _Column(key >> 32, name, self._names.of(bus, key >> 32))
             known.append(self._columns.setdefault(titled, len(self._columns)))
             # as tables of registers have it: the order in which all was heard is that of batches
             place_of = (protocol.name, key & 0xFFFFFFFF)
@@ -110,10 +125,12 @@ class WideSink:
         with writing(self._path), self._file, self._rows, self._values:
             for place, spaced in self._spaced.items():
                 self._keep(place, *spaced.rest())
-            order = sorted(self._columns, key=lambda c: (c[0], self._placed[c]))
-            names = [f"{servo}.{name}" for servo, name in order]
+            order = sorted(
+                self._columns, key=lambda c: (c.servo_id, self._placed[c], c.called or "")
+            )
             kind = pa.dictionary(pa.int32(), pa.string())
             is_csv = self._path.suffix.lower() == ".csv"
+            names = [harmless(title) if is_csv else title for title in _titles(order)]
             schema = pa.schema(
                 [
                     pa.field("t_ns", pa.int64()),
@@ -161,6 +178,20 @@ class WideSink:
                 *(pa.array(cells[:, k], mask=np.isnan(cells[:, k])) for k in range(len(place))),
             ]
             writer.write_table(pa.Table.from_arrays(columns, schema=schema))
+
+
+def _titles(columns: Sequence[_Column]) -> list[str]:
+    """Return a title for each column; no two servos share one."""
+    ids: dict[str, set[int]] = {}
+    for c in columns:
+        ids.setdefault(str(c.servo_id) if c.called is None else c.called, set()).add(c.servo_id)
+    out = []
+    for c in columns:
+        who = str(c.servo_id) if c.called is None else c.called
+        if c.called is not None and (len(ids[who]) > 1 or who.isdecimal()):
+            who = f"{c.servo_id} {c.called}"
+        out.append(f"{who}.{c.quantity}")
+    return out
 
 
 def held(cells: F64, bus: I64, last: F64) -> None:

@@ -28,7 +28,7 @@ from sniffer.viewers.outlet import Outlet, StalledError
 from sniffer.viewers.terminal import TerminalPicture
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
 
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.sink import Part
@@ -93,6 +93,7 @@ class Screen:
         notes: where ``say`` and statistics go: ``stream``, but for a log standard error.
         selection: which records a log shows; of a board it is the filter that it begins with.
         color: whether a log or a board has colours; None: on a terminal.
+        buses: what a log will have lines of.
     """
 
     def __init__(
@@ -105,6 +106,7 @@ class Screen:
         notes: TextIO | None = None,
         selection: Selection | None = None,
         color: bool | None = None,
+        buses: Iterable[str] = (),
     ) -> None:
         self.dropped = 0
         """Frames that were left out: nobody took what was written in time."""
@@ -119,7 +121,8 @@ class Screen:
         self._notes = self._out if other is None else Outlet(other)
         self._log: TextSink | None = None
         if mode == LOG:
-            self._log = TextSink(cast("TextIO", self._out), color=color, waits=LIVE)
+            out = cast("TextIO", self._out)
+            self._log = TextSink(out, color=color, waits=LIVE, buses=buses)
         self._selection = selection
         if self._log is not None and selection is not None:
             self._log.narrow({"where": selection.text, "tables": list(selection.tables)})

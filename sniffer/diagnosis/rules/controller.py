@@ -16,8 +16,9 @@ from sniffer.ground.register import unseen_scale
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
     from sniffer.ground.register import Register
 
 FINDINGS: Final = (
@@ -146,7 +147,7 @@ def goal_limits(case: Case) -> Iterator[Finding]:
             servo,
             int(goals.t_first[rows[0]]),
             int(goals.t[rows[-1]]),
-            int(goals.n[rows].sum()),
+            _surely_beyond(goals, rows, low - spare, high + spare),
             f"servo {servo} is sent to {goals.told(worst)}, and its limits are {goals.told(low)} and "
             f"{goals.told(high)}",
             tuple(
@@ -155,6 +156,14 @@ def goal_limits(case: Case) -> Iterator[Finding]:
             ),
             brief=f"servo {servo} is sent to {goals.told(worst)}, beyond its limit",
         )
+
+
+def _surely_beyond(goals: Series, rows: I64, low: float, high: float) -> int:
+    """Return how many goals are beyond limits at least: of a bucket all, or one at each end."""
+    over, under = goals.high[rows] > high, goals.low[rows] < low
+    whole = (goals.low[rows] > high) | (goals.high[rows] < low)
+    ends = over.astype(np.int64) + under
+    return int(np.where(whole, goals.n[rows], ends).sum())
 
 
 def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float] | None:
