@@ -77,7 +77,7 @@ def _listen(rig: Machine, report: Report, kind: str, name: str) -> None:
         report.check(heard == HEARD, f"{kind}: all bytes as they were")
     if kind == "ftdi":
         report.check(marks[:1] == [FIRST], f"{kind}: one error in a packet of four is {marks[0]}")
-    sent = rig.sh(f"grep SENT /tmp/{kind}.log")
+    sent = rig.sh(f"grep -a SENT /tmp/{kind}.log")
     report.check(not sent, f"{kind}: nothing sent {sent}")
 
 

@@ -81,5 +81,8 @@ def silence(rig: Machine, report: Report) -> None:
                 told = Recording(rig, *words).wait_open().stop()
             is_ftdi = wire == "ftdi1"
             sent = len(line.sent) + (0 if is_ftdi else transmitted(lines))
-            report.check(not sent and told["rc"] == 0, f"{device} --modem {modem}: {sent} sent")
+            report.check(
+                not sent and told["rc"] == 0,
+                f"{device} --modem {modem}: {sent} sent {told['err'] if told['rc'] else ''}",
+            )
             report.fact(f"modem lines: {transfers(lines) if is_ftdi else modem_moves(lines)}")
