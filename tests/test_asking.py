@@ -211,6 +211,8 @@ def test_the_first_error_is_that_of_what_is_selected(
         (["--from", "2026-13-01"], "there is no such day or time"),
         (["--to", "1", "--from", "3"], "--to must lie behind --from"),
         (["--from", "90"], "nothing was said from second 90 to its end: "),
+        (["--to", "-1h"], "nothing was said from its beginning to 3600 s before its end: "),
+        (["--to", "-1h"], " has at least "),
         (["--around", "1s"], "--around goes with --from or --to"),
         (["--servo", "3", "-o", "x.mcap"], "a recording has every byte of its buses"),
     ],

@@ -27,7 +27,7 @@ from tests.streams.mightyzap import packet
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.sinks.intime import OrderLag
+    from sniffer.sinks.intime import WaitTimes
 
 MS: Final = 1_000_000
 QUIET: Final = Teller(lambda line: None, quiet=True)
@@ -42,7 +42,7 @@ def test_the_order_is_that_of_time_whatever_a_pass_has(
     said: list[tuple[str, int]], passes: list[int], behind: int
 ) -> None:
     said.sort(key=lambda one: one[1])
-    it = InTime[int](intime.OrderLag(behind, None))
+    it = InTime[int](intime.WaitTimes(behind, None))
     out: list[tuple[str, int]] = []
     rest = list(said)
     for size in passes:
@@ -133,7 +133,7 @@ def test_the_text_of_two_buses_is_the_same_however_the_capture_is_cut(tmp_path: 
 
 
 @pytest.mark.parametrize(("waits", "shown"), [(LIVE, 2), (READ, 0)])
-def test_what_is_live_is_shown_when_its_pass_is_over(waits: OrderLag, shown: int) -> None:
+def test_what_is_live_is_shown_when_its_pass_is_over(waits: WaitTimes, shown: int) -> None:
     from sniffer.decoding.pipeline import Pipeline
 
     out = io.StringIO()

@@ -113,8 +113,8 @@ def reads_on(source: Source, summary: Summary) -> bool:
 def nothing_in(name: str, part: Slice | None, notes: Sequence[str]) -> str:
     """Return what is said where nothing of an input was decoded; ``notes``: of its reader."""
     if part is not None and part.seconds is not None:
-        more = "more than " if part.is_over else ""  # it was not read to its end
-        return f"nothing was said {part}: {name} has {more}{part.seconds:.3f} s"
+        least = "at least " if part.is_over else ""  # it may not be read to its end
+        return f"nothing was said {part}: {name} has {least}{part.seconds:.3f} s"
     if notes:
         return f"{name} has no bytes to decode: {'; '.join(notes)}"
     return f"{name} is empty: nothing to decode"

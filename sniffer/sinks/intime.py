@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class OrderLag(NamedTuple):
+class WaitTimes(NamedTuple):
     """How long something waits for what another bus may have said before it, in ns.
 
     ``behind_ns`` is by how much bytes may have been on the line before their stamp; ``open_ns`` how
@@ -30,13 +30,13 @@ class OrderLag(NamedTuple):
     open_ns: int | None
 
 
-READ: Final = OrderLag(NS, None)
+READ: Final = WaitTimes(NS, None)
 """Of a capture that is read as fast as it can be."""
 
-PLAYED: Final = OrderLag(NS // 10, NS // 10)
+PLAYED: Final = WaitTimes(NS // 10, NS // 10)
 """Of one at which somebody looks in real time."""
 
-LIVE: Final = OrderLag(0, NS // 10)
+LIVE: Final = WaitTimes(0, NS // 10)
 """Of a recording: its recorder has taken off already what its adapters may hold back."""
 
 FIRST_NS: Final = NS // 10
@@ -47,7 +47,7 @@ MOST: Final = 20_000
 
 
 @dataclass(slots=True)
-class _BusQueue(Generic[T]):
+class _HeldLines(Generic[T]):
     """What waits of a bus. Times never fall in ``keys``: its order stays that of the wire."""
 
     keys: list[int] = field(default_factory=list)
@@ -58,14 +58,14 @@ class _BusQueue(Generic[T]):
 class InTime(Generic[T]):
     """Takes what buses say, each in wire order, and gives it back in the order of time."""
 
-    def __init__(self, waits: OrderLag) -> None:
+    def __init__(self, waits: WaitTimes) -> None:
         self._waits = waits
-        self._buses: dict[str, _BusQueue[T]] = {}
+        self._buses: dict[str, _HeldLines[T]] = {}
         self._is_begun = False
 
     def add(self, bus: str, said: Sequence[tuple[int, T]]) -> None:
         """Take what a bus said next, with its times in ns."""
-        held = self._buses.setdefault(bus, _BusQueue())
+        held = self._buses.setdefault(bus, _HeldLines())
         last = held.last
         for t_ns, item in said:
             last = max(last, t_ns)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.called import ServoNames
     from sniffer.protocols.base import BusProtocol
-    from sniffer.sinks.intime import OrderLag
+    from sniffer.sinks.intime import WaitTimes
 
 WIDE: Final = 120
 """From this width on the table has microseconds and a column for the bus."""
@@ -100,7 +100,7 @@ class TextSink:
         width: int | None = None,
         color: bool | None = None,
         times: str = ABSOLUTE,
-        waits: OrderLag = READ,
+        waits: WaitTimes = READ,
         buses: Iterable[str] = (),
     ) -> None:
         self._console = console_for(stream, color=color, width=width)

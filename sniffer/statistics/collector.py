@@ -28,7 +28,7 @@ from sniffer.statistics.figures import (
     SHORTEST,
     TROUBLE,
     UNCLAIMED,
-    Answers,
+    AnswerColumns,
     Extreme,
     Range,
     ServoFigures,
@@ -86,7 +86,7 @@ class LaneFigures:
         for servo in distinct(f.servo_id[rows])[0].tolist():
             if servo in self.servos:
                 own = rows[f.servo_id[rows] == servo]
-                told = Answers(f.t_end[own], f.uncertainty[own], batch.base + f.start[own])
+                told = AnswerColumns(f.t_end[own], f.uncertainty[own], batch.base + f.start[own])
                 self.servos[servo].hear(told)
 
     def _count_answers(self, batch: Batch, grid: Grid) -> None:

@@ -45,7 +45,7 @@ class Extreme(NamedTuple):
     offset: int
 
 
-class AnswerMoment(NamedTuple):
+class AnswerHeard(NamedTuple):
     """When an answer ended, how uncertain that is (-1: there is no clock), and where it begins."""
 
     t_ns: int
@@ -53,12 +53,12 @@ class AnswerMoment(NamedTuple):
     offset: int
 
 
-class AnswerPause(NamedTuple):
+class PauseHeard(NamedTuple):
     """The time between two answers, how uncertain it is, and the first of them."""
 
     ns: int
     spread_ns: int
-    behind: AnswerMoment
+    behind: AnswerHeard
 
     @property
     def bounds(self) -> tuple[int, int]:
@@ -70,32 +70,32 @@ class AnswerPause(NamedTuple):
 class Presence:
     """When a servo was heard: its first and its last answer, and the longest pause between two."""
 
-    first: AnswerMoment
-    last: AnswerMoment
-    pause: AnswerPause | None = None
+    first: AnswerHeard
+    last: AnswerHeard
+    pause: PauseHeard | None = None
 
-    def hear(self, answers: Answers) -> None:
+    def hear(self, answers: AnswerColumns) -> None:
         """Take more answers, in the order of the wire."""
-        before = Answers(*(np.append(a, b) for a, b in zip(self.last, answers, strict=True)))
+        before = AnswerColumns(*(np.append(a, b) for a, b in zip(self.last, answers, strict=True)))
         apart = np.diff(before.t_ns)
         apart[(before.spread_ns[1:] < 0) | (before.spread_ns[:-1] < 0)] = -1
         i = int(apart.argmax())
         if apart[i] >= 0 and (self.pause is None or apart[i] > self.pause.ns):
             spread = int(before.spread_ns[i] + before.spread_ns[i + 1])
-            self.pause = AnswerPause(int(apart[i]), spread, before.at(i))
+            self.pause = PauseHeard(int(apart[i]), spread, before.at(i))
         self.last = answers.at(-1)
 
 
-class Answers(NamedTuple):
-    """Answers of one servo, as columns of what an ``AnswerMoment`` has."""
+class AnswerColumns(NamedTuple):
+    """Answers of one servo, as columns of what an ``AnswerHeard`` has."""
 
     t_ns: I64
     spread_ns: I64
     offset: I64
 
-    def at(self, i: int) -> AnswerMoment:
+    def at(self, i: int) -> AnswerHeard:
         """Return one of them."""
-        return AnswerMoment(*(int(column[i]) for column in self))
+        return AnswerHeard(*(int(column[i]) for column in self))
 
 
 @dataclass(slots=True)
@@ -133,12 +133,12 @@ class ServoFigures:
     curves: dict[tuple[str, str], int] = field(default_factory=dict)
     """Curves that are no value on the wire, by name and unit."""
 
-    def hear(self, answers: Answers) -> None:
+    def hear(self, answers: AnswerColumns) -> None:
         """Count answers in, the next ones."""
         self.responses += len(answers.t_ns)
         if self.presence is None:
             self.presence = Presence(answers.at(0), answers.at(0))
-            answers = Answers(*(column[1:] for column in answers))
+            answers = AnswerColumns(*(column[1:] for column in answers))
         if len(answers.t_ns):
             self.presence.hear(answers)
 
