@@ -61,10 +61,11 @@ def test_damage_goes_with_the_load_of_joints_that_hold_still() -> None:
     while talk.now_s < 16:
         pulls = talk.now_s % 2.6 < 0.9
         place = 2000 if pulls else 2000 + 900 * (talk.now_s % 0.5)
-        load, speed = (900, 0) if pulls else (30, 600)
-        state = b"".join(round(v).to_bytes(2, "little") for v in (place, load, speed))
+        load = 900 if pulls else 30
+        state = round(place).to_bytes(2, "little") + load.to_bytes(2, "little") + bytes(2)
+        goal = mightyzap.packet(1, 0xF3, b"\x86" + state[:2])
         request, answer = mightyzap.packet(1, 0xF2, b"\x8c\x06"), mightyzap.packet(1, 0, state)
-        for said in (request, answer):
+        for said in (goal, request, answer):
             data = bytearray(said)
             if pulls and rng.random() < 0.12:
                 data[rng.randrange(4, len(data))] ^= 1 << rng.randrange(8)

@@ -110,11 +110,13 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
     ways = [(np.mean(list(known.values()), axis=0), "how hard the motors work")]
     if "goal_position" in known:
         ways.append((known["goal_position"], "how far goals jump"))
-    told = [(_beyond(level, hits, said), level, what, len(ways)) for level, what in ways]
-    # a motor that holds a weight does not go, and what goes may not pull: then one of them tells
-    efforts = [q for q in EFFORTS if q in known] if len(known) > 1 else []
-    tries = len(ways) + len(efforts)
-    told += [(_beyond(known[q], hits, said), known[q], f"the {q}", tries) for q in efforts]
+    tries = len(ways)
+    told = [(_beyond(level, hits, said), level, what, tries) for level, what in ways]
+    # a motor that holds a weight pulls and does not go
+    efforts = [known[q] for q in EFFORTS if q in known]
+    if 0 < len(efforts) < len(known):
+        pull = np.mean(efforts, axis=0)
+        told.append((_beyond(pull, hits, said), pull, "how hard the motors pull", tries + 1))
     told = [one for one in told if all(a >= b for a, b in zip(one[0], LIMITS, strict=True))]
     if not told:
         return
