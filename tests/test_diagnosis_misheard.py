@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes
-from tests.streams import mightyzap
 
 
 def lines(asked_by_chance: int, torn: bool) -> Conversation:
@@ -53,23 +50,3 @@ def test_what_stands_in_the_place_of_an_answer_was_asked_for() -> None:
             continue
         talk.read(servo, place)
     assert "speaks-unasked" not in codes(talk.diagnosed())
-
-
-def test_damage_goes_with_the_load_of_joints_that_hold_still() -> None:
-    """A joint that holds a weight pulls and does not go; where it goes it does not pull."""
-    talk, rng = Conversation("mightyzap"), random.Random(4)
-    while talk.now_s < 16:
-        pulls = talk.now_s % 2.6 < 0.9
-        place = 2000 if pulls else 2000 + 900 * (talk.now_s % 0.5)
-        load = 900 if pulls else 30
-        state = round(place).to_bytes(2, "little") + load.to_bytes(2, "little") + bytes(2)
-        goal = mightyzap.packet(1, 0xF3, b"\x86" + state[:2])
-        request, answer = mightyzap.packet(1, 0xF2, b"\x8c\x06"), mightyzap.packet(1, 0, state)
-        for said in (goal, request, answer):
-            data = bytearray(said)
-            if pulls and rng.random() < 0.12:
-                data[rng.randrange(4, len(data))] ^= 1 << rng.randrange(8)
-            talk.say(bytes(data))
-            talk.rest(0.3)
-        talk.rest(20)
-    assert "damage-while-moving" in codes(talk.diagnosed())
