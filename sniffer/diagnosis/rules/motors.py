@@ -55,8 +55,6 @@ SHIFTED: Final = 1.2
 """How far beyond chance it must be, in standard deviations: as a correlation; by the count, as if
 each place came by itself; against the same motion at other times, for both come in episodes."""
 
-LIMITS: Final = (CORRELATED, COUNTED, SHIFTED)
-
 SURELY: Final = 1e-4
 """How likely chance is to bring so much where it counts in full: with a quantity or two to look at, and
 dozens of captures with noise, two or three standard deviations are met now and then."""
@@ -110,17 +108,10 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
     ways = [(np.mean(list(known.values()), axis=0), "how hard the motors work")]
     if "goal_position" in known:
         ways.append((known["goal_position"], "how far goals jump"))
-    told = [(_beyond(level, hits, said), level, what, len(ways)) for level, what in ways]
-    # a motor that holds a weight does not go, and what goes may not pull: then one of them tells
-    efforts = [q for q in EFFORTS if q in known] if len(known) > 1 else []
-    tries = len(ways) + len(efforts)
-    told += [(_beyond(known[q], hits, said), known[q], f"the {q}", tries) for q in efforts]
-    told = [one for one in told if all(a >= b for a, b in zip(one[0], LIMITS, strict=True))]
-    if not told:
+    told = [(_beyond(level, hits, said), level, what) for level, what in ways]
+    (correlated, counted, shifted), level, what = max(told, key=lambda one: one[0])
+    if correlated < CORRELATED or counted < COUNTED or shifted < SHIFTED:
         return
-    (correlated, *_), level, what, tries = max(
-        told, key=lambda one: (strength_of(one[0][0], one[3]), one[0][0])
-    )
     hard = level > np.quantile(level, 0.75)
     rest = level < np.median(level)
     yield Finding(
@@ -141,7 +132,7 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
                 strict=True,
             )
         ),
-        strength=strength_of(correlated, tries),
+        strength=strength_of(correlated, len(ways)),
         brief="damage comes while motors work",
     )
 
