@@ -41,6 +41,7 @@ FINDINGS: Final = (
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
+        "not three tenths of the time, "
         "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
     ),
     FindingCode(
@@ -113,6 +114,9 @@ PERSON_MOST_NS: Final = 2 * NS
 PERSON_TIMES: Final = 5
 """So many times: of a person's rests of up to six seconds three are that short once in fifty
 captures by chance, five once in seven hundred."""
+
+RESTS: Final = 0.3
+"""Part of the time that a program stands by plan, as behind each step."""
 
 FULL: Final = 0.85
 """Busy share of a full line: between two frames stands no more than what servos take to answer."""
@@ -242,9 +246,9 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
-    if not stalls or not _is_no_person(stalls):
-        return
     stalls.sort(key=lambda p: p.t_ns)
+    if not stalls or not _is_no_person(stalls) or _are_rests(stalls):
+        return
     longest = max(stalls, key=lambda p: p.sure_ns)
     yield Finding(
         "loop-stalls",
@@ -329,6 +333,13 @@ def _is_no_person(stalls: list[Pause]) -> bool:
     longest = max(p.sure_ns for p in stalls)
     short = sum(p.sure_ns <= PERSON_NS for p in stalls)
     return 2 * short >= len(stalls) or (longest <= PERSON_MOST_NS and len(stalls) >= PERSON_TIMES)
+
+
+def _are_rests(stalls: list[Pause]) -> bool:
+    """Tell whether a program stands for about as long as it goes: by plan, not now and then."""
+    took_ns = stalls[-1].t_ns - stalls[0].t_ns
+    rested = sum(p.sure_ns for p in stalls[:-1])
+    return len(stalls) >= PERSON_TIMES and rested >= RESTS * took_ns
 
 
 def bus_full(case: Case) -> Iterator[Finding]:
