@@ -227,7 +227,10 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
-    stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
+    stalls.sort(key=lambda p: p.t_ns)
+    if _are_rests(stalls):
+        return
+    stalls = _without_slower_loops(stalls, usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
@@ -246,8 +249,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
-    stalls.sort(key=lambda p: p.t_ns)
-    if not stalls or not _is_no_person(stalls) or _are_rests(stalls):
+    if not stalls or not _is_no_person(stalls):
         return
     longest = max(stalls, key=lambda p: p.sure_ns)
     yield Finding(
@@ -337,9 +339,10 @@ def _is_no_person(stalls: list[Pause]) -> bool:
 
 def _are_rests(stalls: list[Pause]) -> bool:
     """Tell whether a program stands for about as long as it goes: by plan, not now and then."""
-    took_ns = stalls[-1].t_ns - stalls[0].t_ns
+    if len(stalls) < PERSON_TIMES:
+        return False
     rested = sum(p.sure_ns for p in stalls[:-1])
-    return len(stalls) >= PERSON_TIMES and rested >= RESTS * took_ns
+    return rested >= RESTS * (stalls[-1].t_ns - stalls[0].t_ns)
 
 
 def bus_full(case: Case) -> Iterator[Finding]:
