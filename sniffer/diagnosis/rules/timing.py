@@ -41,7 +41,7 @@ FINDINGS: Final = (
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
-        "not three tenths of the time, "
+        "not alike and three tenths of the time, "
         "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
     ),
     FindingCode(
@@ -339,10 +339,10 @@ def _is_no_person(stalls: list[Pause]) -> bool:
 
 def _are_rests(stalls: list[Pause]) -> bool:
     """Tell whether a program stands for about as long as it goes: by plan, not now and then."""
-    if len(stalls) < PERSON_TIMES:
+    rests = [p.sure_ns for p in stalls]
+    if len(stalls) < PERSON_TIMES or max(rests) > LONGER * min(rests):
         return False
-    rested = sum(p.sure_ns for p in stalls[:-1])
-    return rested >= RESTS * (stalls[-1].t_ns - stalls[0].t_ns)
+    return sum(rests[:-1]) >= RESTS * (stalls[-1].t_ns - stalls[0].t_ns)
 
 
 def bus_full(case: Case) -> Iterator[Finding]:
