@@ -231,6 +231,32 @@ def test_a_conversation_of_the_tests_takes_the_time_of_its_bytes() -> None:
     assert talk.now_ns - T0 == 18 * (10**10 // BAUD) + 700_000
 
 
+def test_a_program_that_waits_for_power_at_its_start_makes_no_storm() -> None:
+    """It asks one servo, less and less often, and nothing else waits meanwhile."""
+    talk = robot("mightyzap", 6, servos=(1, 2))
+    waits = Conversation("mightyzap")
+    for nth in range(11):
+        waits.ask_in_vain(1, 50 * 1.3**nth)
+    late_ns = waits.now_ns - T0
+    said = [replace(c, t_ns=(c.t_ns or 0) + late_ns) for c in talk.chunks]
+    assert not codes(talk.diagnosed([*waits.chunks, *said])) & {"retry-storm"}
+
+
+@pytest.mark.parametrize("rest_ms", [450, 150])
+def test_a_program_that_stands_about_as_long_as_it_goes_rests_by_plan(rest_ms: int) -> None:
+    def rests(talk: Conversation, cycle: int) -> None:
+        if cycle % 24 == 23:
+            talk.rest(rest_ms)
+
+    talk = Conversation("rs30x")
+    for cycle in range(500):
+        for servo in (1, 2, 3):
+            talk.read(servo, swinging(servo, talk.now_s))
+        talk.rest(20)
+        rests(talk, cycle)
+    assert ("loop-stalls" in codes(talk.diagnosed())) == (rest_ms == 150)
+
+
 def late_over_the_next(protocol: str, *, torn_alone: bool = False) -> Conversation:
     """Return a loop of which each fifth answer is given up, and lies over the next one.
 

@@ -45,6 +45,7 @@ from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
 from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
+from tests.test_diagnosis_shapes import without_blocks
 from tests.test_sums import alone, longer
 
 if TYPE_CHECKING:
@@ -249,6 +250,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "other rate": lambda: as_other("rs30x", 2.0),
         "near rate": lambda: as_other("rs30x", 128 / 115.2),
         "wrong lengths": lambda: codes(alone("rs30x", longer).diagnosed()),
+        "no blocks": lambda: codes(without_blocks(never=True).diagnosed()),
     }
 )
 
@@ -302,6 +304,7 @@ TOLD: Final = (
     ("begins-hold", "wrong lengths", "other rate"),
     ("bits-of-another-rate", "other rate", "other protocol"),
     ("bits-read-twice", "near rate", "other rate"),
+    ("kind-never-whole", "no blocks", "two masters"),
 )
 """A finding, a fault that brings it, and one that looks alike and does not."""
 

@@ -98,7 +98,7 @@ def test_a_loop_that_has_two_bits_alike_in_all_it_says_is_not_read_so_for_noise(
 
 @in_turn(3)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-@pytest.mark.parametrize("times", [0.5, 1.085, 3.0, 6.0, 12.0])
+@pytest.mark.parametrize("times", [0.5, 0.92, 3.0, 6.0, 12.0])
 def test_a_line_at_a_rate_far_from_its_receivers_is_read_at_a_wrong_rate(
     times: float, protocol: str
 ) -> None:

@@ -218,3 +218,18 @@ def test_an_alarm_that_two_senders_make_of_each_others_frames_is_no_servos() -> 
     told = found(robot("mightyzap", 12, behind=beside).diagnosed())
     (overload,) = (f for f in told if f.code == "device-overload")
     assert (overload.count, overload.strength) == (16, BY_CHANCE)
+
+
+@pytest.mark.parametrize(("gone", "asks"), [((1, 2, 3), "all of them share"), ((2,), "its power")])
+def test_where_all_fall_silent_at_once_what_they_share_is_to_be_looked_at(
+    gone: tuple[int, ...], asks: str
+) -> None:
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle < 200 or servo not in gone:
+            return False
+        talk.ask_in_vain(servo, 5)
+        return True
+
+    (incident,) = robot("mightyzap", 10, instead=instead, goals=False).diagnosed().incidents()
+    assert (incident.cause, incident.servo_ids) == ("servo-dead", gone)
+    assert asks in incident.next

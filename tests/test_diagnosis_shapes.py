@@ -253,3 +253,22 @@ def test_a_servo_whose_answer_another_one_tears_is_two_though_few_of_both_are_wh
     told = robot(protocol, 12, instead=twice).diagnosed()
     assert "unasked-now-and-then" not in codes(told)
     assert verdicts(told.incidents())[:1] == [("duplicate-id", (2,))]
+
+
+def without_blocks(*, never: bool) -> Conversation:
+    """Return a loop whose writes state no block, always or each second time."""
+
+    def writes(talk: Conversation, cycle: int) -> None:
+        for servo in (1, 2, 3):
+            whole = rs30x.write(servo, 0x1E, (cycle % 200 + 30).to_bytes(2, "little"))
+            talk.rest(1)
+            talk.say(whole if not never and cycle % 2 else whole[:6] + b"\x00" + whole[7:])
+            talk.rest(1)
+
+    return robot("rs30x", 8, goals=False, before=writes)
+
+
+def test_a_kind_of_command_that_is_never_whole_was_sent_so() -> None:
+    told = without_blocks(never=True).diagnosed()
+    assert verdicts(told.incidents())[0] == ("malformed-command", ())
+    assert "kind-never-whole" not in codes(without_blocks(never=False).diagnosed())

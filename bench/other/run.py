@@ -7,15 +7,20 @@ import random
 import subprocess
 import sys
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from bench.other.controllers import SCRIPTS
 from bench.other.joints import Joint, Supply
+from bench.other.rounds import rounds
 from bench.other.talk import Lss, Mz, Rs, Wck
 from bench.other.wire import Bus, Fault, uart
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
+
+    from bench.other.controllers import Steps
 
 KIND: Final[dict[str, type[Joint]]] = {"mz": Mz, "lss": Lss, "wck": Wck, "rs": Rs}
 
@@ -31,7 +36,7 @@ class Case:
     faults: tuple[Fault, ...] = ()
     baud: int = 115200
     seconds: float = 20.0
-    stamps: str = "exact"  # exact, ms, usb16, none, hex
+    stamps: str = "exact"  # exact, cs, ms, usb16, none, hex
     tap_baud: float = 0.0
     said: bool = True  # whether --baud is given
     args: dict[str, Any] = field(default_factory=dict)
@@ -45,6 +50,10 @@ class Case:
     also: tuple[str, ...] = ()  # answers that are as right
 
 
+def _script(proto: str, name: str) -> Callable[..., Steps]:
+    return partial(rounds, proto) if name == "rounds" else SCRIPTS[proto][name]
+
+
 def build(case: Case) -> Bus:
     supply = Supply(12.0 if case.proto != "wck" else 9.0, case.ohms)
     servos = [KIND[case.proto](i, supply, case.seed, case.speed) for i in case.ids]
@@ -53,7 +62,7 @@ def build(case: Case) -> Bus:
     )
     bus.patience, bus.retries = case.patience, case.retries
     bus.controller(
-        SCRIPTS[case.proto][case.script](bus, tuple(sorted((*case.ids, *case.absent))), **case.args)
+        _script(case.proto, case.script)(bus, tuple(sorted((*case.ids, *case.absent))), **case.args)
     )
     if case.second:
         name, args = case.second
@@ -74,7 +83,7 @@ def chunks(
     got: list[tuple[float, int]], stamps: str, baud: float, rng: random.Random
 ) -> list[tuple[float, bytes]]:
     out: list[tuple[float, bytes]] = []
-    if stamps == "exact":
+    if stamps in ("exact", "cs"):
         run, last = bytearray(), -1.0
         for t, b in got:
             if run and t - last > 11.5 / baud:
@@ -114,7 +123,8 @@ def write(case: Case, where: Path) -> Path:
     path = where / f"{case.name}.log"
     with path.open("w") as f:
         for t, data in chunks(got, case.stamps, case.tap_baud or case.baud, rng):
-            f.write(f"({1795215306 + t:.6f}) arm #{data.hex().upper()}\n")
+            digits = 2 if case.stamps == "cs" else 6
+            f.write(f"({1795215306 + t:.{digits}f}) arm #{data.hex().upper()}\n")
     return path
 
 

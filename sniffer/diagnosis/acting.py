@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 SURE: Final = 0.8
 """From this confidence on the next step is the remedy, below it what settles the matter."""
 
+OF_ALL: Final[dict[str, str]] = {
+    "servo-dead": "Look at what all of them share: the supply, its switch and fuse, the cable.",
+}
+"""The remedy where it happens to every servo that ever answered: none of them is to blame then."""
+
 OF_THE_TAP: Final = frozenset(code for code, entry in CATALOGUE.items() if entry.group == "capture")
 """What a tap met itself: codes of anomalies that have their own remedy."""
 
@@ -30,6 +35,9 @@ def next_of(case: Case, explained: Explained) -> str:
     # what the tap itself told knows better than its cause what became of it
     told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
     where = _where(case, cause.concerns, explained.servo_ids)
+    of_all = OF_ALL.get(first.cause, "")
+    if of_all and len(case.answering) > 1 and set(case.answering) <= set(explained.servo_ids):
+        return of_all
     may_be = [f"that of servo {servo}" for servo in explained.key.may_be]
     may_be += [CAUSES[others[0].cause].title] if others else []
     if first.confidence < SURE and may_be:

@@ -44,7 +44,13 @@ FINDINGS: Final = (
         "requests-spoken-into",
         "line",
         "Requests begin as they should and differ for long from there on: somebody speaks into them.",
-        "Torn requests that begin as one of this bus, and are as long as none that begins so, nor one of them but for two bytes: far more of them than pulses leave, which alter a byte or lose one.",
+        "Torn requests that begin as one of this bus, and are as long as none that begins so, nor one of them but for two bytes: far more of them than pulses leave, which alter a byte or lose one. Half of them at least are of a kind that is heard whole, too.",
+    ),
+    FindingCode(
+        "kind-never-whole",
+        "controller",
+        "Requests of one kind are torn each time, and nothing else is: they are sent so.",
+        "Twenty requests and more that begin as those of this bus and differ for long, of which none of a like beginning is whole, but by chance; of other requests and of answers hardly one is torn.",
     ),
     FindingCode(
         "torn-when-none-due",
@@ -68,6 +74,16 @@ TRIED: Final = 60
 
 BY_CHANCE: Final = 5e-3
 """Part of the torn places that two requests would make by chance, of all the ways in which they may lie."""
+
+WHOM: Final = 2
+"""Bytes behind the header that tell to whom a request is, and of what kind or how long."""
+
+OFTEN, BESIDE = 20, 0.02
+"""Torn requests of kinds that never are whole, and how many other torn frames there may be for each:
+what tears at random spares none."""
+
+WHOLE_BY_CHANCE: Final = 0.01
+"""Part of all requests that are of a kind that is whole by chance."""
 
 GARBLED: Final = 2
 """Bytes that a pulse alters at most where it leaves the length as it was."""
@@ -249,7 +265,11 @@ def spoken_into(case: Case) -> Iterator[Finding]:
         judged += 1
         shown += [] if _is_one(d.got, begun, known) else [d]
     chance = at_least(len(shown), judged, BY_PULSES)
+    never = [d for d in shown if not _is_whole_at_times(case, d.got, shared)]
     if len(shown) < ENOUGH or chance > LEAST_SURE:
+        return
+    if 2 * len(never) > len(shown):
+        yield from _never_whole(case, never, judged)
         return
     yield finding_of(
         shown,
@@ -259,6 +279,37 @@ def spoken_into(case: Case) -> Iterator[Finding]:
         "somebody speaks into it",
         strength=sureness(chance, CHANCE),
         brief="somebody speaks into requests",
+    )
+
+
+def _never_whole(case: Case, never: Sequence[Damage], judged: int) -> Iterator[Finding]:
+    """Say that requests of a kind are torn each time, where nothing else is."""
+    others = judged - len(never) + sum(d.turn == IN_REPLY for d in case.damages)
+    if len(never) < OFTEN or others > BESIDE * len(never):
+        return
+    yield finding_of(
+        never,
+        "kind-never-whole",
+        None,
+        f"{len(never)} of {judged} torn requests are of a kind that never is whole, and "
+        f"{others} other frames are torn",
+        "none of its kind is whole",
+        strength=min(0.5 + len(never) / 100, 1.0),
+        brief="a kind of request is never whole",
+    )
+
+
+def _is_whole_at_times(case: Case, got: bytes, shared: int) -> bool:
+    """Tell whether a request to whom and of what a torn one begins is heard whole, too.
+
+    Who speaks into requests does not choose one kind: what is whole by chance at most was not sent
+    whole, or is heard at a wrong rate.
+    """
+    kinds = case.ledger.exchanges.kinds
+    least = WHOLE_BY_CHANCE * case.total("asked")
+    return any(
+        n >= least and alike(got, q) >= min(shared + WHOM, len(q) // 2)
+        for q, n in zip(kinds.example, kinds.n.tolist(), strict=True)
     )
 
 

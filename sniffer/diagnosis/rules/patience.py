@@ -56,7 +56,8 @@ FINDINGS: Final = (
         "A request that is not answered is said many times in a row, and the others wait.",
         "Runs of the same request, byte for byte, without an answer between, of five and more, on a "
         "bus whose controller else asks in turn, and goes on to another request where that one is "
-        "answered; and the share of the time that they take. Not where no answer at all is heard.",
+        "answered; and the share of the time that they take. Not where no answer at all is heard, nor "
+        "before anything else is asked, as by a program that waits for power.",
     ),
     FindingCode(
         "absent-costs",
@@ -303,7 +304,9 @@ def _shortest(case: Case) -> dict[int, int]:
 def retry_storms(case: Case) -> Iterator[Finding]:
     """Requests said again and again."""
     exchanges = case.ledger.exchanges
-    storms = [run for run in exchanges.all_runs if run.again >= STORM]
+    # A program that waits for power at its start keeps nobody waiting: it has asked nothing else.
+    began = int(min(exchanges.kinds.at, default=0))
+    storms = [run for run in exchanges.all_runs if run.again >= STORM and run.at > began]
     if not storms or case.count("adapter-echo") or not case.answering:
         return  # where nobody is heard, nobody knows what was answered
     repeated = _repeated(case)

@@ -284,14 +284,15 @@ def went_on(case: Case) -> Iterator[Finding]:
         again = [a for a in one.away if told_ns < a.first_ns and one.follows(a.last_ns)]
         if not again:
             continue
+        often = "once" if len(again) == 1 else f"{len(again)} times"
         yield Finding(
             "follows-again",
             servo,
             again[0].last_ns,
             again[-1].last_ns,
             len(again),
-            f"{len(again)} times servo {servo} follows its goals again after it did not, and its "
-            "torque was not switched on meanwhile",
+            f"servo {servo} follows its goals again {often} after it did not, and its torque was not "
+            "switched on meanwhile",
             tuple(
                 Place(int(one.position.at[a.last]), 1, a.last_ns, "it follows again behind this")
                 for a in again[:3]

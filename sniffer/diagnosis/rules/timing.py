@@ -41,6 +41,7 @@ FINDINGS: Final = (
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
+        "not alike and three tenths of the time, "
         "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
     ),
     FindingCode(
@@ -113,6 +114,9 @@ PERSON_MOST_NS: Final = 2 * NS
 PERSON_TIMES: Final = 5
 """So many times: of a person's rests of up to six seconds three are that short once in fifty
 captures by chance, five once in seven hundred."""
+
+RESTS: Final = 0.3
+"""Part of the time that a program stands by plan, as behind each step."""
 
 FULL: Final = 0.85
 """Busy share of a full line: between two frames stands no more than what servos take to answer."""
@@ -223,7 +227,10 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
-    stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
+    stalls.sort(key=lambda p: p.t_ns)
+    if _are_rests(stalls):
+        return
+    stalls = _without_slower_loops(stalls, usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
@@ -244,7 +251,6 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     ]
     if not stalls or not _is_no_person(stalls):
         return
-    stalls.sort(key=lambda p: p.t_ns)
     longest = max(stalls, key=lambda p: p.sure_ns)
     yield Finding(
         "loop-stalls",
@@ -329,6 +335,14 @@ def _is_no_person(stalls: list[Pause]) -> bool:
     longest = max(p.sure_ns for p in stalls)
     short = sum(p.sure_ns <= PERSON_NS for p in stalls)
     return 2 * short >= len(stalls) or (longest <= PERSON_MOST_NS and len(stalls) >= PERSON_TIMES)
+
+
+def _are_rests(stalls: list[Pause]) -> bool:
+    """Tell whether a program stands for about as long as it goes: by plan, not now and then."""
+    rests = [p.sure_ns for p in stalls]
+    if len(stalls) < PERSON_TIMES or max(rests) > LONGER * min(rests):
+        return False
+    return sum(rests[:-1]) >= RESTS * (stalls[-1].t_ns - stalls[0].t_ns)
 
 
 def bus_full(case: Case) -> Iterator[Finding]:

@@ -84,6 +84,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         MALFORMED,
         ("begins-hold", 3.5, "what begins well, and never ends so, was sent so"),
+        ("kind-never-whole", 4.0, "what tears frames does not choose one kind: it was sent so"),
         (
             SUMS_WRONG,
             9.0,
@@ -119,6 +120,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
             (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
             (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
+            ("kind-never-whole", -4.0, "requests of other kinds and all answers are whole"),
         )
     ),
 )
