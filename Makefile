@@ -18,7 +18,7 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 # What decodes, with few processes and ports; and the part of it that is done in a minute.
 CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, alarms amounts asking batches by_hand \
-	capture_edges cli_jsonl cli_known cli_text conformance_kit crcs cut cutting damage_columns \
+	capture_edges cli_jsonl cli_known cli_terminal cli_text conformance_kit crcs cut cutting damage_columns \
 	declarations detect anomalies echo edges examples_protocols golden joint_answers laws limits lines \
 	lss lss_models lss_values malformed matching mixed mixed_wires models models_laws pacing \
 	packet_forms parts pipelined plugins rates registers remarks rs30x rs30x_acks rs30x_values \

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from sniffer.cli import COMMANDS, cli
 from sniffer.sinks import SINKS
 from tests.commands import (
     COMMAND,
@@ -340,66 +339,3 @@ def test_characters_the_terminal_lacks_are_no_reason_to_stop(tmp_path: Path) -> 
     ran = sniffer("decode", path, "--format", "jsonl", env=ascii_only)
     assert ran.status == 0
     assert conserved(ran.out) == path.read_bytes()
-
-
-def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
-    assert {name: cli.commands[name].get_short_help_str(200) for name in COMMANDS} == COMMANDS
-    assert sorted(cli.commands) == sorted(COMMANDS)
-
-
-def test_help_loads_no_command_and_nothing_that_reckons() -> None:
-    code = (
-        "import sys; from sniffer.cli import run; run(['--help']); "
-        "print([m for m in ('numpy', 'construct', 'rich', 'sniffer.cli.decode') "
-        "if m in sys.modules])"
-    )
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ran.stdout.splitlines()[-1] == "[]"
-
-
-ROOT = Path(__file__).parents[1]
-HEAVY = ("tomllib", "tempfile", "importlib.metadata", "serial", "mcap")
-FAR = ("merging", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
-SMALL = "sample_captures/mightyzap_manual.hex"
-
-
-@pytest.mark.parametrize(
-    ("command", "apart"),
-    [
-        (["decode", SMALL], ("decoding.rows", "protocols.lss", "protocols.rs30x")),
-        (["decode", SMALL, "--protocol", "mightyzap"], ("protocols.wck", "protocols.rs30x")),
-        (["decode", "sample_captures/lss_manual.bin"], ("protocols.mightyzap", "protocols.wck")),
-        (["decode", SMALL, "--format", "jsonl"], ("diagnosis", "sinks.text", "sinks.report")),
-        (["explain", "FF FF FF 01 04 F2 8C 02 7A"], ("sinks", "sources", "protocols.lss")),
-        (["protocols"], ("decoding", "sinks", "sources")),
-        (["registers", "mightyzap-12lf"], ("decoding", "sinks", "sources")),
-    ],
-    ids=" ".join,
-)
-def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple[str, ...]) -> None:
-    """What is loaded is most of what it costs; how long that takes, the machine decides."""
-    code = (
-        "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "
-        "print(status, *sys.modules, file=sys.stderr)"
-    )
-    python = [sys.executable, "-c", code, *command]
-    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
-    status, *loaded = ran.stderr.splitlines()[-1].split()
-    assert status == "0"
-    is_table = command[0] == "decode" and "jsonl" not in command
-    rich = () if is_table else ("rich",)
-    assert ran.stdout.count("\n") > 3
-    masked = () if is_table else ("numpy.ma",)  # the diagnosis reckons with quantiles
-    unwanted = {*HEAVY, *masked, *rich, *(f"sniffer.{room}" for room in (*FAR, *apart))}
-    assert not unwanted & {*loaded}
-
-
-@pytest.mark.parametrize("name", ["mightyzap_damaged.log", "lss_damaged.log"])
-def test_a_log_whose_stamps_tell_how_long_a_byte_takes_loads_no_masked_arrays(name: str) -> None:
-    code = (
-        "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "
-        "print(status, 'numpy.ma' in sys.modules, file=sys.stderr)"
-    )
-    python = [sys.executable, "-c", code, "decode", f"sample_captures/{name}", "--format", "jsonl"]
-    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
-    assert ran.stderr.splitlines()[-1] == "0 False"

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import re
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -16,13 +12,11 @@ import pytest
 
 import sniffer
 from sniffer.decoding.rows import FrameRow, GapRow
-from sniffer.sinks.text import WIDE
 from sniffer.sinks.words import fit
-from tests.commands import COMMAND, damaged, environment, log, talk, within
+from tests.commands import damaged, log, talk, within
 from tests.lists import in_turn
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import long
-from tests.terminals import PATIENCE_S
 
 Capsys = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
@@ -30,7 +24,7 @@ Patch = pytest.MonkeyPatch
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 NAMES: Final = [f"{name}_damaged.log" for name in sniffer.PROTOCOLS]
 WIDTHS: Final = (80, 140, 200)
-_ANSI: Final = re.compile(r"\x1b\[[0-9;]*m")
+ANSI: Final = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def shown(capsys: Capsys, monkeypatch: Patch, path: Path, width: int, *arguments: str) -> str:
@@ -295,119 +289,3 @@ def test_the_summary_tells_an_incident_with_the_anomalies_that_it_explains(
 
 
 # --- colour ------------------------------------------------------------------------------------
-
-
-def on_a_terminal(*arguments: str | Path, **env: str) -> str:
-    """Run a command whose output is a terminal, and return what that was sent."""
-    pty = pytest.importorskip("pty")
-    ours, theirs = pty.openpty()
-    try:
-        process = subprocess.Popen(
-            [*COMMAND, *map(str, arguments)],
-            stdin=subprocess.DEVNULL,
-            stdout=theirs,
-            stderr=subprocess.DEVNULL,
-            env=environment(TERM="xterm-256color", **env),
-        )
-        os.close(theirs)
-        sent = b""
-        while True:
-            got = b""
-            with contextlib.suppress(OSError):  # Linux ends so, others with an empty read
-                got = os.read(ours, 1 << 16)
-            if not got:
-                break
-            sent += got
-        assert process.wait(PATIENCE_S) == 0
-    finally:
-        os.close(ours)
-    return sent.decode().replace("\r\n", "\n")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_colour_is_for_terminals_and_changes_nothing_else(
-    capsys: Capsys, monkeypatch: Patch
-) -> None:
-    path = CAPTURES / "wck_damaged.log"
-    coloured = on_a_terminal("decode", path, COLUMNS="80")
-    assert "\x1b[31m" in coloured  # an error
-    assert "\x1b[32m" in coloured  # an answer
-    assert _ANSI.sub("", coloured) == sample(capsys, monkeypatch, path.name, 80)
-    for command in (["protocols"], ["registers", "wck"], ["explain", "FF FF FF 00 02 F1 0C"]):
-        monkeypatch.setenv("COLUMNS", "80")
-        assert _ANSI.sub("", on_a_terminal(*command, COLUMNS="80")) == within(capsys, *command).out
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_no_color_is_respected() -> None:
-    plain = on_a_terminal("decode", CAPTURES / "wck_damaged.log", COLUMNS="80", NO_COLOR="1")
-    assert not re.search(r"\x1b\[[34]\d", plain)
-
-
-def piped(*arguments: object, **variables: str) -> str:
-    """Return what a command writes into a pipe whose width nobody states."""
-    command = [*COMMAND, *map(str, arguments)]
-    env = environment(**variables)
-    env = {k: v for k, v in env.items() if k != "FORCE_COLOR" or k in variables}
-    done = subprocess.run(command, capture_output=True, env=env, check=True)
-    return done.stdout.decode()
-
-
-def test_in_a_pipe_no_cell_is_cut_and_every_byte_is_there() -> None:
-    head, lines = table_of(piped("decode", CAPTURES / "mightyzap_damaged.log"))
-    assert {"bus", "bytes"} < set(head.split())
-    assert not any("…" in line for line in lines)
-    rows = rows_of("mightyzap_damaged.log")
-    assert len(lines) == len(rows)
-    for line, row in zip(lines, rows, strict=True):
-        assert bytes.fromhex(row.hex).hex(" ").upper() in line
-    assert any("punch_initial_value 0" in line for line in lines)  # the last of 21 registers
-
-
-def test_colour_is_forced_and_forbidden_by_option_and_environment() -> None:
-    path = CAPTURES / "wck_manual.hex"
-    plain = piped("decode", path)
-    assert "\x1b" not in plain
-    for coloured in (
-        piped("decode", path, "--color", "always", NO_COLOR="1", TERM="dumb"),
-        piped("decode", path, FORCE_COLOR="1", TERM="xterm"),
-    ):
-        assert "\x1b[32m" in coloured
-        assert _ANSI.sub("", coloured) == plain
-    assert piped("decode", path, "--color", "never", FORCE_COLOR="1", TERM="xterm") == plain
-
-
-@pytest.mark.parametrize("width", [80, 140])
-def test_times_count_from_the_first_line_or_from_the_line_before(
-    width: int, capsys: Capsys, monkeypatch: Patch
-) -> None:
-    path, digits = CAPTURES / "rs30x_manual.hex", 3 if width == 80 else 6
-    rows = rows_of(path.name)
-    ends = [row.t_ns for row in rows]
-    befores = {"rel": [ends[0]] * len(ends), "delta": [ends[0], *ends[:-1]]}
-    for how, before in befores.items():
-        text = shown(capsys, monkeypatch, path, width, "--time", how)
-        told = [line.split()[0] for line in table_of(text)[1]]
-        assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
-
-
-def test_the_widths_that_the_readme_names_are_those_of_the_table(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    found = re.search(r"From (\d+) columns on the\s+table has .*?from (\d+) on the bytes", text)
-    assert found is not None
-    path = tmp_path / "good.bin"
-    path.write_bytes(talk(2))
-    heads = {}
-    for width in (WIDE - 1, WIDE, int(found[2]) - 1, int(found[2])):
-        command = [*COMMAND, "decode", str(path)]
-        done = subprocess.run(
-            command, capture_output=True, env=environment(COLUMNS=str(width)), check=True
-        )
-        heads[width] = done.stdout.decode().splitlines()[0].split()
-    assert int(found[1]) == WIDE
-    assert [("bus" in h, "bytes" in h) for h in heads.values()] == [
-        (False, False),
-        (True, False),
-        (True, False),
-        (True, True),
-    ]

@@ -89,7 +89,6 @@ AGAIN: Final = 3
 CHANCE: Final = 3.0
 """So many times as often as chance would have it, requests in a row are lost for a reason."""
 
-
 SWEEP: Final = 5
 """Ids without a servo, asked about alike: somebody looks who is there."""
 
@@ -321,9 +320,8 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
     if not case.has_clock or len(runs) < OUTAGES:
         return
     # from its return on: while it is away it cannot leave again, however it does that
-    returns = [s.back_ns if s.back_ns is not None else s.first_ns for s in runs]
-    leaves = [s.first_ns for s in runs]
-    apart = np.subtract(leaves[1:], returns[:-1]).astype(np.float64)
+    ends = [run.first_ns if run.back_ns is None else run.back_ns for run in runs]
+    apart = np.array([b.first_ns - end for end, b in zip(ends, runs[1:], strict=False)], np.float64)
     spread, chance = _spread(apart), so_even(apart.tolist())
     # of a Poisson process it is 1; by chance less, the fewer there are
     even, uneven = EVEN - 1 / len(runs), UNEVEN
