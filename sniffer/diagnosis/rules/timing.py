@@ -227,10 +227,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
-    stalls.sort(key=lambda p: p.t_ns)
-    if _are_rests(stalls):
-        return
-    stalls = _without_slower_loops(stalls, usual)
+    stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
@@ -249,7 +246,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
-    if not stalls or not _is_no_person(stalls):
+    if not stalls or not _is_no_person(stalls) or _are_rests(stalls):
         return
     longest = max(stalls, key=lambda p: p.sure_ns)
     yield Finding(
