@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 TYPE_CHECKING = False  # of typing, which alone takes longer to load than all that is done here
 if TYPE_CHECKING:
