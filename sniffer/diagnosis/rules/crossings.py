@@ -241,7 +241,8 @@ def spoken_into(case: Case) -> Iterator[Finding]:
 def _never_whole(case: Case, never: Sequence[Damage], judged: int) -> Iterator[Finding]:
     """Say that requests of a kind are torn each time, where nothing else is."""
     others = judged - len(never) + sum(d.turn == IN_REPLY for d in case.damages)
-    if len(never) < OFTEN or others > BESIDE * len(never):
+    # answers without a checksum are whole at a wrong rate, too
+    if not case.has_checksum or len(never) < OFTEN or others > BESIDE * len(never):
         return
     yield finding_of(
         never,
