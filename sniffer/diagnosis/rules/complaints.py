@@ -153,7 +153,7 @@ def overload_passes(case: Case) -> Iterator[Finding]:
             int(back[row[-1]]),
             len(told),
             f"servo {servo} takes its overload back within {longest:.0f} ms, and moves by "
-            f" {joint.position.told(float((high - low).min()))} meanwhile",
+            f"{joint.position.told(float((high - low).min()))} meanwhile",
             case.places(told, f"servo {servo}: overload", 2),
             brief=f"servo {servo} moves on",
         )

@@ -68,7 +68,8 @@ BY_CHANCE: Final = 5e-3
 WHOM: Final = 2
 """Bytes behind the header that tell to whom a request is, and of what kind or how long."""
 
-OFTEN, BESIDE = 20, 0.02
+OFTEN: Final = 20
+BESIDE: Final = 0.02
 """Torn requests of kinds that never are whole, and how many other torn frames there may be for each:
 what tears at random spares none."""
 
