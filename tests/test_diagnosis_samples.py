@@ -34,3 +34,11 @@ def test_the_faults_of_a_damaged_sample_are_named(
 )
 def test_a_clean_sample_has_no_incident(file: str) -> None:
     assert not diagnose([str(CAPTURES / file)]).incidents
+
+
+def test_noise_on_the_line_is_no_rival_to_a_supply_that_is_low() -> None:
+    """It tears frames of all, and has an incident of its own; one voltage it does not make low."""
+    incidents = diagnose([str(CAPTURES / "lss_damaged.log")]).incidents
+    (brownout,) = (i for i in incidents if i.causes[0].cause == "brownout")
+    assert brownout.causes[0].confidence > 0.8
+    assert any(i.causes[0].cause == "bus-noise" for i in incidents)

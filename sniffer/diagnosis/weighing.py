@@ -187,7 +187,11 @@ def _concerns(f: Finding, servo: int | None) -> bool:
 
 
 def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Finding]) -> Explained:
-    """Rank the causes of what the best one explains."""
+    """Rank the causes of what the best one explains.
+
+    A cause that does not explain what tells most of it is no rival by what it explains besides:
+    noise that tears frames of all servos makes no voltage of one of them low.
+    """
     weights = WEIGHTS[best.cause.slug]
     key = max(best.explained, key=lambda f: (weights[f.code].weight * f.strength, f.count))
     rivals = [best]
@@ -195,6 +199,8 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
         shares = any(f in best.explained for f in w.explained)
         same = w.servo_id in (None, best.servo_id) or best.servo_id is None
         if shares and same and w.cause.slug != best.cause.slug:
+            if all(f is not key for f in w.explained):
+                w = _on(w, best.explained)
             known = next((r for r in rivals if r.cause.slug == w.cause.slug), None)
             if known is None:
                 rivals.append(w)
@@ -214,6 +220,15 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
         for w, odd in zip(rivals[:SHOWN], odds, strict=False)
     )
     return Explained(_whose(best), best.explained, ranked, key)
+
+
+def _on(w: Weighed, findings: Sequence[Finding]) -> Weighed:
+    """Weigh a cause on some of the findings that it explains, and on all that speaks against it."""
+    mine = tuple(f for f in w.explained if any(f is one for one in findings))
+    codes = {f.code for f in mine}
+    reasons = tuple(r for r in w.reasons if r.weight < 0 or r.finding in codes)
+    score = w.cause.prior + sum(r.weight for r in reasons)
+    return Weighed(w.cause, w.servo_id, score, reasons, mine)
 
 
 def _whose(best: Weighed) -> tuple[int, ...]:
