@@ -40,6 +40,7 @@ from sniffer.diagnosis.rules import (
     motors,
     outages,
     rhythms,
+    streams,
 )
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
@@ -209,6 +210,7 @@ ALL: Final = frozenset(
         motors,
         outages,
         rhythms,
+        streams,
     )
     for entry in area.FINDINGS
 )

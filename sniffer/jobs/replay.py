@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.decoding.sink import over
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
 STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for
 one chunk as for all of them, and eyes see no more."""
+
+PAUSE_NS: Final = 200_000_000
+"""From so long a wait on, what is shown waits for no more: eyes see it."""
 
 NAP_S: Final = 0.25
 """How long a key may wait that is pressed right before a sleep."""
@@ -119,10 +124,12 @@ def paced(
     ends: tuple[int | None, int | None] = (None, None),
     now: Callable[[], int] = time.monotonic_ns,
     sleep: Callable[[float], None] = nap,
+    pausing: Callable[[int], None] = lambda until_ns: None,
 ) -> Iterator[list[Chunk]]:
     """Yield each group at its own moment; ``speed`` 0 does not wait at all.
 
     What lies outside ``ends``, the first and the last time that is shown, is not waited for.
+    ``pausing`` is told before a long wait up to which time nothing more was said.
 
     Deadlines are absolute, counted from the first group: what one step is late does not delay the
     next, so a replay does not drift.
@@ -137,6 +144,8 @@ def paced(
             began, first = now(), t
         elif speed > 0:
             wait = began + (t - first) / speed - now()
+            if wait > PAUSE_NS:
+                pausing(group[0].t_ns or 0)
             if wait > 0:
                 sleep(wait / NS)
         # a pace given for want of a clock is no time to be decoded
@@ -212,7 +221,9 @@ def replay(
             options = replace(options, protocols=told)
         ends = (None, None) if asked is None else asked.ends(_first_time(head))
         baud = usual_baud(options, head[0].bus if head else "")
-        groups = paced(steps(timed(chunks, baud)), speed, ends=ends)
+        sink = show()
+        pausing = functools.partial(_pause, sink)
+        groups = paced(steps(timed(chunks, baud)), speed, ends=ends, pausing=pausing)
         session = session_facts(opened.origin(joined(inputs)), options, facts)
         decoded, raw = open_all(outputs, session, [*map(str, inputs)], force=overwrite)
         copies = Copies(raw)
@@ -221,7 +232,7 @@ def replay(
                 _, ending = run_source(
                     opened,
                     options,
-                    [show(), *decoded],
+                    [sink, *decoded],
                     name=name,
                     tell=now,
                     patience=patience,
@@ -233,6 +244,11 @@ def replay(
             copies.finish(now)
         played = True
     return ending
+
+
+def _pause(sink: Sink, until_ns: int) -> None:
+    """Have shown what waits for other buses: in a long pause nobody says anything before it."""
+    over(sink, until_ns=until_ns, open_buses=())
 
 
 def _first_time(head: Iterable[Chunk]) -> int | None:
