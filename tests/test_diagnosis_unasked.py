@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from tests.conversations import Conversation, robot, swinging
+from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.servos import suffering
 
@@ -33,6 +33,9 @@ def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_ask
             talk.rest(rng.uniform(1, 14))
             talk.say(talk.tongue.answer(3, swinging(3, talk.now_s)))
 
-    d = robot("lss", 15, behind=say).diagnosed()
+    talk = robot("lss", 15, behind=say)
+    d = talk.diagnosed()
     assert "behind-its-own-alone" not in codes(d)
     assert verdicts(d.incidents()) == [("chatty-device", (3,))]
+    late = talk.diagnosed(through_usb(talk.chunks))  # by which nobody knows how soon it came
+    assert verdicts(late.incidents()) == [("chatty-device", (3,))]
