@@ -11,8 +11,9 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unittest.mock import Mock
 
 import pytest
@@ -41,7 +42,6 @@ from tests.plugin import visible
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -298,3 +298,25 @@ def test_a_program_is_told_how_far_it_is(tmp_path: Path) -> None:
     assert told[-1].bytes == told[-1].of_bytes == done.bytes > 0
     assert told[-1].bytes_per_second > 0
     assert told[-1].seconds_left == 0
+
+
+def test_a_folder_that_another_run_sweeps_away_while_it_is_made_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, swept = Path.mkdir, iter(range(3))
+
+    def swept_away(path: Path, *arguments: Any, **options: Any) -> None:
+        if path.name == STAGING and next(swept, None) is not None:
+            raise FileExistsError(errno.EEXIST, "it was there, and is no folder any more")
+        make(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "mkdir", swept_away)
+    with Store.of(tmp_path / "data").staging() as folder:
+        assert folder.is_dir()
+
+
+def test_a_data_set_behind_a_link_to_nowhere_cannot_be_written(tmp_path: Path) -> None:
+    link = tmp_path / "data"
+    link.symlink_to(tmp_path / "nowhere" / "at" / "all")
+    with pytest.raises(OSError, match="exists"), Store.of(link).staging():
+        pass

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 STAGING: Final = "_staging"
 """The folder of what is not finished, beside the tables."""
 
+SWEPT_MOST: Final = 100
+"""So often at most other runs sweep a folder away before it is used: then it cannot be made."""
+
 STALE_S: Final = 86_400
 """What another machine left unfinished is swept away after this time, in seconds: decoding one
 capture takes minutes."""
@@ -213,13 +216,17 @@ class Store:
         name = f"{platform.node()}-{os.getpid()}-"
         if not self.is_local:
             return Path(tempfile.mkdtemp(prefix=name))
-        parent = Path(self.root, STAGING)
+        parent, tries = Path(self.root, STAGING), 0
         while True:
-            parent.mkdir(parents=True, exist_ok=True)
+            tries += 1
             try:
+                parent.mkdir(parents=True, exist_ok=True)
                 return Path(tempfile.mkdtemp(prefix=name, dir=parent))
-            except FileNotFoundError:  # another run has swept it away while it was empty
-                continue
+            except (FileExistsError, FileNotFoundError):
+                # Another run swept it away while it was empty: right before it was used, or between
+                # two looks of mkdir, which finds it there and then no folder.
+                if tries == SWEPT_MOST:
+                    raise
 
     def probe(self) -> None:
         """Learn whether a disk may be written to, or a bucket is there.
