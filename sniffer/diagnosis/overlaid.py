@@ -32,7 +32,7 @@ def of_two(got: bytes, requests: Sequence[bytes]) -> bool:
     """
     shared = header_of(requests) if requests else 0
     return any(
-        _makes(got, first, second)
+        _makes(got, first, second, head)
         for first in requests
         if (head := alike(got, first)) > shared
         for second in requests
@@ -42,10 +42,14 @@ def of_two(got: bytes, requests: Sequence[bytes]) -> bool:
 
 
 @functools.lru_cache(maxsize=1 << 12)
-def _makes(got: bytes, first: bytes, second: bytes) -> bool:
-    """Tell whether the second, begun somewhere within the first, gives these bytes."""
+def _makes(got: bytes, first: bytes, second: bytes, head: int) -> bool:
+    """Tell whether the second, begun somewhere within the first, gives these bytes.
+
+    It begins in the first byte that is not as it was sent, or little before: of two bytes that it
+    leaves as they are all bits would have to be low where its own are.
+    """
     longest = BYTE * len(first)
-    since, until = BYTE, longest
+    since, until = max(BYTE, BYTE * (head - 2)), min(longest, BYTE * (head + 1))
     if len(got) > len(first):  # the second ends last; a byte may be lost in between, or won
         ends = BYTE * (len(got) - len(second))
         since, until = max(since, ends - BYTE), min(until, ends + 2 * BYTE)

@@ -59,7 +59,7 @@ FINDINGS: Final = (
 BY_PULSES: Final = 0.25
 """Share of torn requests of which pulses garble more: those whose stop bit they hit."""
 
-TRIED: Final = 60
+TRIED: Final = 30
 """Torn places of which it is tried whether they are two requests."""
 
 BY_CHANCE: Final = 5e-3
