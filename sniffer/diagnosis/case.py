@@ -146,6 +146,15 @@ class Case:
         told = None if self.ledger.pace is None else self.ledger.pace.latency_ns
         return LATENCY_NS[self.ledger.clock] if told is None else told
 
+    @property
+    def has_prompt_stamps(self) -> bool:
+        """Whether stamps tell how soon one thing is said behind another; a late host's do not.
+
+        To one USB frame, as those of a text file are taken: later ones may hand on a request before
+        the answer that came first.
+        """
+        return self.has_clock and self.latency_ns <= LATENCY_NS[Clock.FILE]
+
     # ----------------------------------------------------------------------------------- tables
 
     @functools.cached_property

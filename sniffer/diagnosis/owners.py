@@ -26,8 +26,6 @@ from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.stamps import grid_ns, steadiest_ns
 from sniffer.ground.codes import RESPONSE
-from sniffer.ground.model import Clock
-from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -132,7 +130,7 @@ def owner(case: Case) -> Owner | None:
 
 
 def _owner(case: Case) -> Owner | None:
-    if not case.has_clock or case.latency_ns > LATENCY_NS[Clock.FILE]:
+    if not case.has_prompt_stamps:
         return None  # a host that holds bytes back moves them by more than they vary
     grid = grid_ns(case)
     if max(grid, steadiest_ns(case)) > SPANS_NS[-1]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.ground.model import I64
 
+EXACT_NS: Final = 2_000_000
+"""Stamps that are worse tell no place in a cycle, nor a second answer from one that is late."""
+
 GRIDS_NS: Final = (1_000_000, 100_000, 10_000)
 """The frame of a full-speed USB host, and the decimal places that loggers write."""
 

@@ -104,7 +104,7 @@ def _told(fixed: dict[str, Any], figures: Mapping[str, Any], of: str = "") -> It
         if name in _KEYS or figure is None:
             continue
         if isinstance(figure, dict):
-            if {"value", "t_ns", "offset"} == figure.keys() or {"t_ns", "offset"} == figure.keys():
+            if figure.keys() - {"value"} == {"t_ns", "offset"}:
                 yield row | figure
             elif {"value_ns", "t_ns"} <= figure.keys():
                 low, high = figure["value_ns"]

@@ -13,6 +13,7 @@ from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.interruptions import torn_requests
+from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.diagnosis.twins import LEAST, PART, torn_answers, torn_by_twins, twins
 from sniffer.ground.model import MarkKind
 
@@ -74,9 +75,6 @@ CLEARLY: Final = 0.9
 
 HIGH_LAST: Final = 0x80
 """The last bit of a byte."""
-
-EXACT_NS: Final = 2_000_000
-"""Stamps that are worse do not tell a second answer from a late one to the request before."""
 
 PLAIN: Final = 0.5
 """Part of the torn answers that single bits, or lost first bytes, may explain."""

@@ -17,7 +17,7 @@ from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.order import Order
 from sniffer.diagnosis.twins import torn_by_twins
 from sniffer.ground.codes import DAMAGED, RESPONSE
-from sniffer.ground.model import MS, Clock
+from sniffer.ground.model import Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -87,9 +87,6 @@ BY_PULSES: Final = 0.4
 
 CHANCE: Final = 1e-3
 
-LATENCY_NS: Final = MS
-"""A host that is later may hand on a request before the answer that came first."""
-
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
@@ -135,7 +132,7 @@ def overlapping(case: Case) -> Iterator[Finding]:
 
 def request_in_answer(case: Case) -> Iterator[Finding]:
     """Requests that run into answers, by their bytes."""
-    if not case.has_clock or case.latency_ns > LATENCY_NS or case.count("adapter-echo"):
+    if not case.has_prompt_stamps or case.count("adapter-echo"):
         return  # of an echo it is what comes back; of a host that holds bytes, two pieces
     asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
     replies = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
@@ -168,7 +165,7 @@ def swallowed(case: Case) -> Iterator[Finding]:
     """Requests that are missing behind torn answers."""
     exchanges = case.ledger.exchanges
     torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
-    is_timed = case.has_clock and case.latency_ns <= LATENCY_NS
+    is_timed = case.has_prompt_stamps
     if not torn or (case.protocol.ordered and not is_timed):
         return
     order = Order(case)
@@ -211,7 +208,7 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
         return
     order, kinds = Order(case), case.ledger.exchanges.kinds
     stretches = case.ledger.exchanges.moments.stretches()
-    is_timed = case.has_clock and case.latency_ns <= LATENCY_NS
+    is_timed = case.has_prompt_stamps
     judged, shown = 0, []
     for d in case.damages:
         follows = d.behind == RESPONSE and 0 <= d.since_ns <= case.ledger.byte_ns

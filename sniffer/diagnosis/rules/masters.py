@@ -8,7 +8,8 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.streams import EXACT_NS, TIMERS, do_meet, least_together
+from sniffer.diagnosis.rules.streams import TIMERS, do_meet, least_together
+from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.streams import EXACT_NS, LEAST
+from sniffer.diagnosis.rules.streams import LEAST
+from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.crossings import KINDS
+from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -46,9 +47,6 @@ OFTENER: Final = 2.5
 PART: Final = 400
 PARTS: Final = 4
 """Requests that are looked at together at least, and parts of a stretch: one may join later."""
-
-EXACT_NS: Final = 2_000_000
-"""Stamps that are worse tell no place in a cycle."""
 
 MEET: Final = 0.1
 """Part of the meetings that chance would have of two who do not listen: fewer, and one of them does

@@ -20,8 +20,7 @@ from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
-from sniffer.ground.model import NS, Clock
-from sniffer.ground.timing import LATENCY_NS
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence, Set
@@ -180,10 +179,10 @@ def chatty(case: Case) -> Iterator[Finding]:
                     case.anomalies("duplicate-response", servo_id=servo),
                     "the second of two answers",
                 ),
-                strength=_unlikely(chances[servo]) * (1.0 if _is_timed(case) else EITHER),
+                strength=_unlikely(chances[servo]) * (1.0 if case.has_prompt_stamps else EITHER),
                 brief=f"a second servo {servo} answers now and then",
             )
-        if chances[servo] < ALONE and _is_timed(case):
+        if chances[servo] < ALONE and case.has_prompt_stamps:
             continue
         # a word behind a torn request looks like a late answer to it
         heard = case.anomalies(*_HEARD_AS, servo_id=servo)
@@ -225,15 +224,10 @@ def _seconds(case: Case, servo: int, ends: Set[int]) -> int:
     return int(case.alarms["n"][rows].sum()) - int(np.isin(events.at, list(ends)).sum())
 
 
-def _is_timed(case: Case) -> bool:
-    """Tell whether stamps say how soon one answer comes behind another: a late host's do not."""
-    return case.has_clock and case.latency_ns <= LATENCY_NS[Clock.FILE]
-
-
 def _are_prompt(case: Case, servo: int) -> bool:
     """Tell whether second answers come about as soon behind the first ones as servos answer."""
     some = [s.times for s in case.ledger.second_answers.kept if s.servo_id == servo]
-    if not _is_timed(case) or not some:
+    if not case.has_prompt_stamps or not some:
         return True
     since = np.array([second[0] - first[1] for first, second in some])
     low, high = np.quantile(since, (0.1, 0.9))
