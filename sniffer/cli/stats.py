@@ -120,5 +120,11 @@ def stats(
 
                 click.echo(selected(done.summary))
             most = None if all_rows else MOST
-            print_stats(figures, done.statistics, most=most, how=": --all shows them")
+            print_stats(
+                figures,
+                done.statistics,
+                began_ns=done.summary.began_ns,
+                most=most,
+                how=": --all shows them",
+            )
     return status

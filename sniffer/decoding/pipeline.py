@@ -385,6 +385,7 @@ class Pipeline:
     def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
+        self.summary.begin(parts)
         if self.narrowing is not None and not (parts := self.narrowing.of(bus, parts)):
             return
         for protocol, batch in parts:

@@ -18,9 +18,10 @@ from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.sink import Part
     from sniffer.protocols.base import BusProtocol
 
 ROWS: Final = ("frames", "gaps", "transactions", "samples", "anomalies")
@@ -175,7 +176,16 @@ class Summary:
         """What was asked for, where that is not all (``sink.Narrowed``)."""
         self.shown: Counter[str] = Counter()
         """How many rows of each kind were selected; all else is counted of all rows."""
+        self.began_ns: int | None = None
+        """When the first frame of all began, also where it is left out: seconds count from it."""
         self._worst_shown: Severity | None = None
+
+    def begin(self, parts: Sequence[Part]) -> None:
+        """Take what one pass decided, before anything is left out of it."""
+        for _, batch in parts:
+            if len(batch.frames):
+                first = int(batch.frames.t_start[0])
+                self.began_ns = first if self.began_ns is None else min(first, self.began_ns)
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class HeldRegisters:
     """What was said of each register of each servo, and how the reading ended.
 
-    ``began_ns`` is when each bus with a clock was heard first. ``summary`` has the totals of all of
-    the capture, and what was asked for where that is not all.
+    ``began_ns`` is when the capture began, of each bus with a clock. ``summary`` has the totals of
+    all of the capture, and what was asked for where that is not all.
     """
 
     source: str
@@ -73,7 +73,8 @@ def registers_held(
         patience=patience,
         tell=tell,
     )
-    return HeldRegisters(name_of(source), book.held(), book.began_ns, done.ending, done.summary)
+    began_ns = dict.fromkeys(book.began_ns, done.summary.began_ns or 0)
+    return HeldRegisters(name_of(source), book.held(), began_ns, done.ending, done.summary)
 
 
 def _as_dict(source: str, held: HeldRegister, names: ServoNames) -> dict[str, Any]:

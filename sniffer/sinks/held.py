@@ -37,7 +37,8 @@ def print_held(
 ) -> None:
     """Print registers bus by bus: settings, what was commanded, what was measured.
 
-    ``names`` are what servos are called, ``began_ns`` when each bus with a clock was heard first.
+    ``names`` are what servos are called, ``began_ns`` when the capture began, of each
+    bus with a clock.
     """
     console = console or console_for()
     width = tables_in(console)

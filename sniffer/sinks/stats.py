@@ -53,13 +53,15 @@ def print_stats(
     statistics: Statistics,
     console: Console | None = None,
     *,
+    began_ns: int | None = None,
     most: int | None = MOST,
     how: str = "",
 ) -> None:
     """Print all figures, bus by bus; ``figures`` are those of ``statistics`` as a dictionary.
 
-    ``most``: so many rows of each table; all of them where None. ``how``: what is said of
-    those that are left out, behind how many they are.
+    ``began_ns``: when the capture began, which seconds count from as those of ``--from`` do; where
+    None, each bus has its own. ``most``: so many rows of each table; all of them where None.
+    ``how``: what is said of those that are left out, behind how many they are.
     """
     console = console or console_for()
     tables = figures.get("selection", {}).get("tables")
@@ -69,7 +71,8 @@ def print_stats(
         for nth, bus in enumerate(_selected(figures["buses"], tables)):
             if nth:
                 console.print()
-            _print_bus(bus, statistics, console, width, most, how, tables)
+            first = (bus["first_ns"] or 0) if began_ns is None else began_ns
+            _print_bus(bus, statistics, console, width, first, most, how, tables)
 
 
 def _selected(
@@ -86,13 +89,14 @@ def _print_bus(
     statistics: Statistics,
     console: Console,
     width: int,
+    first: int,
     most: int | None,
     how: str,
     tables: Sequence[str] | None,
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
-    shown = _tables(bus, width, tables)
+    shown = _tables(bus, first, width, tables)
     lines = [*_about(bus, width, tables)]
     if any(table is not None and table.lacks_names(most, width) for _, table in shown):
         lines.append(_named(bus))
@@ -111,11 +115,10 @@ def _print_bus(
 
 
 def _tables(
-    bus: Mapping[str, Any], width: int, tables: Sequence[str] | None
+    bus: Mapping[str, Any], first: int, width: int, tables: Sequence[str] | None
 ) -> Sequence[tuple[str, Tabulated | None]]:
     """Return the tables of a bus with their headings."""
     many = len(bus["protocols"]) > 1
-    first = bus["first_ns"] or 0
     return (
         (
             "over time (response times in ms)" if has_replies(bus) else "over time",
