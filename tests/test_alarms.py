@@ -200,6 +200,18 @@ def test_the_distance_from_the_goal_is_that_of_the_last_goal_of_that_servo() -> 
     )
 
 
+def test_a_goal_of_a_servo_of_id_0_is_no_goal_of_the_others() -> None:
+    """It leaves the factory with that id, by which all are reached where nobody has it."""
+    one, nought = (packet(who, 0xF3, bytes([GOAL, 0x00, 0x04])) for who in (1, 0))
+    here, it_is = (asked(who, POSITION, 0x00, 0x04) for who in (1, 0))
+    far = packet(0, 0xF3, bytes([GOAL, 0x00, 0x08]))
+    rule = "position_error > 1 mm"
+    of_all = [at(0, one), at(50, far), at(100, here)]
+    assert told(of_all, rule) == [f"{rule}: servo 1 has 7.50183 mm"]
+    own = [at(0, one), at(20, nought), at(40, it_is), at(60, far), at(80, here), at(100, it_is)]
+    assert told(own, rule) == [f"{rule}: servo 0 has 7.50183 mm"]
+
+
 def test_a_goal_that_was_refused_is_none() -> None:
     goal = packet(1, 0xF3, bytes([GOAL, 0x00, 0x0F])) + packet(1, 0x08)
     here = asked(1, POSITION, 0x00, 0x04)

@@ -59,7 +59,7 @@ class JudgedValues:
 class ThresholdWatch(Remembering):
     """What a rule is judged by, batch after batch; goals are carried along."""
 
-    LASTING = ("_goal", "_goal_of_all")
+    LASTING = ("_goal", "_goal_of_all", "_everyone")
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
         self._servo = alarm.servo_id
@@ -100,6 +100,8 @@ class ThresholdWatch(Remembering):
                 else:
                     self._goal[who] = goal
                 continue
+            if who in self._everyone:  # it measures: it is a servo of its own (mightyZAP's 0)
+                self._everyone = tuple(one for one in self._everyone if one != who)
             distance = abs(value - self._goal.get(who, self._goal_of_all))
             if distance == distance:  # nobody knows how far without a goal
                 kept.append(row)
