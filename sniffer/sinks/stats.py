@@ -125,7 +125,12 @@ def _tables(
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
         ),
-        ("answers that are missing, worst first", _missing(bus, many=many)),
+        (
+            "answers that are missing, worst first"
+            if tables is None
+            else "answers that are missing of those to what is selected, worst first",
+            _missing(bus, many=many),
+        ),
         (
             "when each servo was heard, silent longest first"
             if tables is None
