@@ -78,3 +78,22 @@ def test_no_input_is_replaced_by_an_output(tmp_path: Path, capsys: Capsys) -> No
     ran = within(capsys, "decode", first, output, "--force", "-o", output)
     assert ran.status == 2
     assert "second.jsonl is the input: choose another output" in ran.complaint
+
+
+@pytest.mark.parametrize(("before_s", "is_told"), [(-1.0, False), (0.5, False), (5.0, True)])
+def test_what_was_recorded_beside_another_is_told_to_be_merged(
+    before_s: float, is_told: bool, tmp_path: Path, capsys: Capsys
+) -> None:
+    exchange = "FFFFFF0104F28C0775", "FFFFFF010900E50700004B047743"
+    for name, start, end in (("a", 0.0, 20.0), ("b", 20.0 - before_s, 40.0)):
+        lines = [
+            f"({start + n / 10 + m / 100:.6f}) {name}  #{data}"
+            for n in range(int((end - start) * 10))
+            for m, data in enumerate(exchange)
+        ]
+        (tmp_path / f"{name}.log").write_text("\n".join(lines) + "\n")
+    files = tmp_path / "a.log", tmp_path / "b.log"
+    ran = within(capsys, "decode", *files, "--protocol", "mightyzap", "--baud", "57600")
+    assert ran.status == 0
+    assert ("sniffer merge" in ran.err) == is_told
+    assert ran.err.count("b.log begins before") == is_told

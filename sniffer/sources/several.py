@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.sources import open_source
 from sniffer.sources.source import Source
 
@@ -56,16 +56,21 @@ class SeveralSources(Source):
         self.notes.clear()
         damage: list[str] = []
         ended: dict[str, int] = {}
+        beside: str | None = None
         for part in self._parts:
             newest: dict[str, int] = {}
             try:
                 for group in part:
                     _follow(group, newest, ended, part.name)
+                    if beside is None and _is_beside(group, ended):
+                        beside = part.name
                     yield group
             except DamagedInputError as error:
                 damage.append(str(error))
             ended.update(newest)
             self.notes += [f"{part.name}: {note}" for note in part.notes]
+        if beside is not None:
+            self.notes.append(f"{beside} begins before the one in front of it ends: {MERGE}")
         if damage:
             raise DamagedInputError("; ".join(damage))
 
@@ -99,6 +104,13 @@ NAMED_MOST: Final = 3
 
 STANDARD_INPUT: Final = "standard input"
 """What it is called where files have their names."""
+
+
+MERGE: Final = (
+    "they are read one behind the other; `sniffer merge` makes one capture of them, in the order "
+    "of time"
+)
+"""What is told of inputs that were recorded beside each other."""
 
 
 def inputs_of(source: str | Path | Sequence[str | Path]) -> list[str | Path]:
@@ -182,6 +194,16 @@ def _follow(
             why = "begins before the one in front of it has ended"
             raise InputError(f"{name} {why}: decode them one by one")
         newest[bus] = max(newest.get(bus, t_ns), t_ns)
+
+
+def _is_beside(group: Sequence[Chunk], ended: Mapping[str, int]) -> bool:
+    """Tell whether something in a group was said before another bus of earlier inputs fell silent.
+
+    By more than a second: before that, hosts that fetch bytes late are out of order, too.
+    """
+    last = max(ended.values(), default=None)
+    times = [chunk.t_ns for chunk in group if chunk.data and chunk.t_ns is not None]
+    return last is not None and bool(times) and min(times) < last - NS
 
 
 def _first(part: Source) -> int:
