@@ -200,16 +200,18 @@ def test_the_distance_from_the_goal_is_that_of_the_last_goal_of_that_servo() -> 
     )
 
 
-def test_a_goal_of_a_servo_of_id_0_is_no_goal_of_the_others() -> None:
-    """It leaves the factory with that id, by which all are reached where nobody has it."""
-    one, nought = (packet(who, 0xF3, bytes([GOAL, 0x00, 0x04])) for who in (1, 0))
-    here, it_is = (asked(who, POSITION, 0x00, 0x04) for who in (1, 0))
-    far = packet(0, 0xF3, bytes([GOAL, 0x00, 0x08]))
-    rule = "position_error > 1 mm"
-    of_all = [at(0, one), at(50, far), at(100, here)]
-    assert told(of_all, rule) == [f"{rule}: servo 1 has 7.50183 mm"]
-    own = [at(0, one), at(20, nought), at(40, it_is), at(60, far), at(80, here), at(100, it_is)]
-    assert told(own, rule) == [f"{rule}: servo 0 has 7.50183 mm"]
+def test_a_goal_for_id_0_is_that_of_all_until_a_servo_answers_so() -> None:
+    goal = packet(0, 0xF3, bytes([GOAL, 0x00, 0x08]))
+    here, of_zero = asked(1, POSITION, 0x00, 0x04), asked(0, POSITION, 0x00, 0x04)
+    one, zero = "servo 1 has", "servo 0 has"
+    for chunks, who in (
+        ([at(0, goal), at(50, here)], [one]),
+        ([at(0, of_zero), at(50, goal), at(100, here), at(150, of_zero)], [zero]),
+        ([at(0, packet(0, 0xF1) + packet(0, 0)), at(50, goal), at(100, here)], []),
+    ):
+        for cuts in (range(0), range(1, len(chunks))):
+            said = [a.detail for a in found(chunks, "position_error > 1", cuts=cuts)]
+            assert [text.split(": ")[1][: len(one)] for text in said] == who
 
 
 def test_a_goal_that_was_refused_is_none() -> None:
