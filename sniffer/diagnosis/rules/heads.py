@@ -60,7 +60,7 @@ WHOLE: Final = 0.01
 """Part of so many requests that may be whole of the same beginning: a weak signal lets some by."""
 
 
-class _Wrong(NamedTuple):
+class _HeadByte(NamedTuple):
     """A byte of a request that is wrong: which one, and what should stand there."""
 
     byte: int
@@ -109,7 +109,7 @@ def _pieces(d: Damage, header: bytes) -> list[bytes]:
     return [p for p in pieces[: len(pieces) - cut] if len(p) > HEAD and p.startswith(header)]
 
 
-def _whole(case: Case, of_it: Sequence[tuple[bytes, _Wrong]]) -> int:
+def _whole(case: Case, of_it: Sequence[tuple[bytes, _HeadByte]]) -> int:
     """Return how many requests were heard whole that begin as these do, and have the right byte."""
     begin = {p[: w.byte] + bytes((w.meant,)) for p, w in of_it}
     kinds = case.ledger.exchanges.kinds
@@ -120,7 +120,7 @@ def _whole(case: Case, of_it: Sequence[tuple[bytes, _Wrong]]) -> int:
     )
 
 
-def _wrong(protocol: BusProtocol, some: Sequence[bytes], header: int) -> list[set[_Wrong]]:
+def _wrong(protocol: BusProtocol, some: Sequence[bytes], header: int) -> list[set[_HeadByte]]:
     """Return of each torn request the bytes with which, one of them changed, it would hold."""
     tries = [
         (k, w, t)
@@ -129,7 +129,7 @@ def _wrong(protocol: BusProtocol, some: Sequence[bytes], header: int) -> list[se
         for w, t in _tries(protocol, got, header)
     ]
     hold = held(protocol, [t for *_, t in tries], [len(t) for *_, t in tries])
-    found: list[set[_Wrong]] = [set() for _ in some]
+    found: list[set[_HeadByte]] = [set() for _ in some]
     for (k, w, _), is_one in zip(tries, hold, strict=True):
         if is_one:
             found[k].add(w)
@@ -146,7 +146,7 @@ def _fits(protocol: BusProtocol, got: bytes) -> bool:
     return held(protocol, [resealed], [len(got)])[0]
 
 
-def _tries(protocol: BusProtocol, got: bytes, header: int) -> Iterator[tuple[_Wrong, bytes]]:
+def _tries(protocol: BusProtocol, got: bytes, header: int) -> Iterator[tuple[_HeadByte, bytes]]:
     """Yield a request with another byte behind its header, and a checksum that is right for it.
 
     That is the one which stands there, or where that is right for all bytes as they stand, another.
@@ -157,7 +157,7 @@ def _tries(protocol: BusProtocol, got: bytes, header: int) -> Iterator[tuple[_Wr
             other = got[:k] + bytes((value,)) + got[k + 1 :]
             total = _sum_of(protocol, other)
             if value != got[k] and total >= 0 and (is_of_all or total == got[-1]):
-                yield _Wrong(k, value), other[:-1] + bytes((total,))
+                yield _HeadByte(k, value), other[:-1] + bytes((total,))
 
 
 def _sum_of(protocol: BusProtocol, raw: bytes) -> int:
