@@ -325,3 +325,21 @@ def test_without_times_a_request_behind_an_answer_is_no_sure_loss_of_the_tap() -
     (told,) = (f for f in found(d) if f.code == "pieces-complete")
     assert told.strength < 1
     assert "request-swallowed" in codes(d)
+
+
+def parcels_lost(talk: Conversation, size: int, lost: range) -> list[Chunk]:
+    """Return what is left where an adapter's parcels of so many bytes are lost whole; no times."""
+    data = b"".join(chunk.data for chunk in talk.chunks)
+    parcels = [data[k : k + size] for k in range(0, len(data), size)]
+    left = (parcel for k, parcel in enumerate(parcels) if k not in lost)
+    return [Chunk(b"".join(left), 0, Clock.NONE)]
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_parcel_that_is_lost_with_a_request_and_a_part_of_its_answer_is_the_taps(
+    protocol: str,
+) -> None:
+    talk = robot(protocol, 4)
+    for first in (60, 71):
+        diagnosis = talk.diagnosed(parcels_lost(talk, 62, range(first, 260, 15)))
+        assert [one.cause for one in diagnosis.incidents()] == ["tap-loss"]

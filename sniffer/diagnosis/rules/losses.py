@@ -12,7 +12,7 @@ from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
-from sniffer.ground.codes import REQUEST
+from sniffer.ground.codes import REQUEST, RESPONSE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,6 +48,14 @@ FINDINGS: Final = (
         "length.",
     ),
     FindingCode(
+        "order-lacks-bytes",
+        "tap",
+        "Torn places stand for requests that are longer than they are.",
+        "Behind sound answers, requests are missing from the controller's fixed order around torn "
+        "bytes, and those alone have two bytes more and beyond: three such places, a quarter of all "
+        "torn ones. Noise alters bytes and leaves their number.",
+    ),
+    FindingCode(
         "answered-though-torn",
         "tap",
         "Servos answer requests that lack bytes here: on the line they were whole.",
@@ -70,6 +78,12 @@ ANSWERED: Final = 0.25
 
 PIECE: Final = 3
 """Bytes alike from the beginning or up to the end: three alike by chance are one in 16 million."""
+
+SHORT: Final = 2
+"""Bytes that a request is short of at least where it is not what was torn: a pulse takes one at most."""
+
+SOME_SHORT: Final = 0.25
+"""Part of the torn places that must be too short for what is missing there."""
 
 PART: Final = 0.3
 """Share of all damage that pieces without a beginning are where bytes are lost."""
@@ -156,6 +170,26 @@ def headless(case: Case) -> Iterator[Finding]:
         f"{len(pieces)} pieces of 3 bytes and more stand where no frame begins, of no frame's length",
         "the end of a frame whose beginning is missing",
     )
+
+
+def order_lacks_bytes(case: Case) -> Iterator[Finding]:
+    """Torn places that are shorter than the requests which are missing there."""
+    order = Order(case)
+    torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
+    found = [
+        d
+        for d in torn
+        # who was not answered may leave out what it has no time for
+        if d.turn == IN_REQUEST and d.behind == RESPONSE and d.length >= PIECE
+        if d.length <= order.missing_bytes(d) - SHORT
+    ]
+    if len(found) >= max(LEAST, SOME_SHORT * len(torn)):
+        yield _told(
+            "order-lacks-bytes",
+            found,
+            f"{len(found)} of {len(torn)} torn places are shorter than the requests that are missing there",
+            "requests of more bytes are missing here",
+        )
 
 
 def requests_missing(case: Case) -> Iterator[Finding]:
@@ -246,5 +280,5 @@ def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
     return head + tail >= len(got)
 
 
-RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, requests_missing)
+RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, order_lacks_bytes, requests_missing)
 """The rules of this area."""
