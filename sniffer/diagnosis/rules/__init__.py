@@ -11,6 +11,7 @@ from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.passing import without_passed
 from sniffer.diagnosis.rules import (
     absences,
+    bare,
     bits,
     collisions,
     complaints,
@@ -72,6 +73,7 @@ _AREAS: Final = (
     controller,
     goals,
     absences,
+    bare,
     collisions,
     complaints,
     crossings,

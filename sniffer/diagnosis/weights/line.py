@@ -256,6 +256,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-one-servo", 1.5, "only its answers are hit"),
         ("speaks-unasked", 0.6, "the second answer stands alone"),
         ("behind-its-own-alone", 3.0, "who says more answers the same request"),
+        ("seconds-follow-another", -9.0, "what comes second is where another joint is"),
         ("strays-anywhere", 0.3, "a bare second answer may look like bytes of nobody"),
         ("duplicate-response", 2.5, "a second answer of the same id"),
         ("comes-and-goes", 0.2, "two answers at once are none"),
