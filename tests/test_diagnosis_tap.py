@@ -343,3 +343,22 @@ def test_a_parcel_that_is_lost_with_a_request_and_a_part_of_its_answer_is_the_ta
     for first in (60, 71):
         diagnosis = talk.diagnosed(parcels_lost(talk, 62, range(first, 260, 15)))
         assert [one.cause for one in diagnosis.incidents()] == ["tap-loss"]
+
+
+def without_some(talk: Conversation, most: int) -> list[Chunk]:
+    """Return a conversation without times that lacks up to so many bytes in a row, 25 times."""
+    data, rng = bytearray(b"".join(chunk.data for chunk in talk.chunks)), random.Random(3)
+    for _ in range(25):
+        at = rng.randrange(len(data) - 10)
+        del data[at : at + rng.randint(1, most)]
+    return [Chunk(bytes(data), 0, Clock.NONE)]
+
+
+@pytest.mark.parametrize("most", [2, 8])
+def test_bytes_that_are_missing_from_bare_answers_and_their_requests_are_the_taps(
+    most: int,
+) -> None:
+    talk = robot("wck", 6, goals=False)
+    diagnosis = talk.diagnosed(without_some(talk, most))
+    assert "order-lacks-bytes" in codes(diagnosis)
+    assert verdicts(diagnosis.incidents()) == [("tap-loss", ())]

@@ -53,7 +53,8 @@ FINDINGS: Final = (
         "Torn places stand for requests that are longer than they are.",
         "Behind sound answers, requests are missing from the controller's fixed order around torn "
         "bytes, and those alone have two bytes more and beyond: three such places, a quarter of all "
-        "torn ones. Noise alters bytes and leaves their number.",
+        "torn ones. Where answers are bare, torn requests with them are as they were sent but for bytes in a row "
+        "that are missing, more than pulses leave. Noise alters bytes and leaves their number.",
     ),
     FindingCode(
         "answered-though-torn",
@@ -81,6 +82,11 @@ PIECE: Final = 3
 
 SHORT: Final = 2
 """Bytes that a request is short of at least where it is not what was torn: a pulse takes one at most."""
+
+BY_NOISE: Final = 0.35
+CHANCE: Final = 1e-3
+"""Part of the torn requests that a pulse in their last byte leaves as if bytes were missing, and how
+likely what is not that may be by it."""
 
 SOME_SHORT: Final = 0.25
 """Part of the torn places that must be too short for what is missing there."""
@@ -175,6 +181,11 @@ def headless(case: Case) -> Iterator[Finding]:
 def order_lacks_bytes(case: Case) -> Iterator[Finding]:
     """Torn places that are shorter than the requests which are missing there."""
     order = Order(case)
+    if case.protocol.ordered and not case.has_checksum:
+        bare = list(_bare_lack_bytes(case, order))
+        yield from bare
+        if bare:
+            return
     torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
     found = [
         d
@@ -190,6 +201,37 @@ def order_lacks_bytes(case: Case) -> Iterator[Finding]:
             f"{len(found)} of {len(torn)} torn places are shorter than the requests that are missing there",
             "requests of more bytes are missing here",
         )
+
+
+def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
+    """The same where answers are bare: behind what is left of the request they belong to the place."""
+    known = case.ledger.exchanges.kinds.requests
+    torn = [d for d in case.damages if d.turn == IN_REQUEST and order.is_broken_at(d)]
+    found = [d for d in torn if any(_has_hole(d.got, whole) for whole in known)]
+    chance = at_least(len(found), len(torn), BY_NOISE)
+    if len(found) >= LEAST and chance < CHANCE:
+        yield _told(
+            "order-lacks-bytes",
+            found,
+            f"{len(found)} of {len(torn)} torn requests and their answers are as they were sent, but for "
+            "bytes that are missing",
+            "bytes of a request and its answer are missing",
+        )
+
+
+def _has_hole(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are a request and a bare answer without one or more bytes in a row.
+
+    Of one that states goals, which are any, its head is as it should be, and it is too short.
+    """
+    size = len(whole) + BARE
+    if not PIECE < len(got) < size:
+        return False
+    head = alike(got, whole)
+    if len(got) < len(whole) and head >= PIECE:
+        return True
+    behind = whole[len(whole) - max(len(got) - head - BARE, 0) :]
+    return got[head : head + len(behind)] == behind
 
 
 def requests_missing(case: Case) -> Iterator[Finding]:
