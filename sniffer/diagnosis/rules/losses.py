@@ -182,18 +182,10 @@ def order_lacks_bytes(case: Case) -> Iterator[Finding]:
     """Torn places that are shorter than the requests which are missing there."""
     order = Order(case)
     if case.protocol.ordered and not case.has_checksum:
-        bare = list(_bare_lack_bytes(case, order))
-        yield from bare
-        if bare:
-            return
+        yield from _bare_lack_bytes(case, order)
+        return
     torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
-    found = [
-        d
-        for d in torn
-        # who was not answered may leave out what it has no time for
-        if d.turn == IN_REQUEST and d.behind == RESPONSE and d.length >= PIECE
-        if d.length <= order.missing_bytes(d) - SHORT
-    ]
+    found = [d for d in torn if _is_too_short(d, order)]
     if len(found) >= max(LEAST, SOME_SHORT * len(torn)):
         yield _told(
             "order-lacks-bytes",
@@ -207,9 +199,10 @@ def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
     """The same where answers are bare: behind what is left of the request they belong to the place."""
     known = case.ledger.exchanges.kinds.requests
     torn = [d for d in case.damages if d.turn == IN_REQUEST and order.is_broken_at(d)]
-    found = [d for d in torn if any(_has_hole(d.got, whole) for whole in known)]
+    holes = {d.at for d in torn if any(_has_hole(d.got, whole) for whole in known)}
+    found = [d for d in torn if d.at in holes or _is_too_short(d, order)]
     chance = at_least(len(found), len(torn), BY_NOISE)
-    if len(found) >= LEAST and chance < CHANCE:
+    if len(holes) >= LEAST and chance < CHANCE:
         yield _told(
             "order-lacks-bytes",
             found,
@@ -217,6 +210,15 @@ def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
             "bytes that are missing",
             "bytes of a request and its answer are missing",
         )
+
+
+def _is_too_short(d: Damage, order: Order) -> bool:
+    """Tell whether a torn place has fewer bytes than the requests that are missing there.
+
+    Who was not answered may leave out what it has no time for: only behind sound answers.
+    """
+    due = d.turn == IN_REQUEST and d.behind == RESPONSE and d.length >= PIECE
+    return due and d.length <= order.missing_bytes(d) - SHORT
 
 
 def _has_hole(got: bytes, whole: bytes) -> bool:
