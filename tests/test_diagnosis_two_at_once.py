@@ -10,7 +10,7 @@ import pytest
 from sniffer.diagnosis.misread import of_peers
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
-from tests.servos import lss
+from tests.servos import lss, suffering
 from tests.streams import wck
 from tests.test_diagnosis_beside import torn_read
 from tests.test_diagnosis_tap import holes, one_wire
@@ -279,3 +279,28 @@ def test_strays_that_spare_all_frames_come_when_the_direction_changes(
     talk = robot("mightyzap", 10, rate_hz=20, instead=instead, goals=False)
     told = codes(talk.diagnosed(through_usb(talk.chunks)))
     assert ("strays-at-turn" in told) is at_turn
+
+
+@pytest.mark.parametrize(
+    ("protocol", "other", "cause"),
+    [
+        ("rs30x", "impatient:3%", "impatient-controller"),
+        ("mightyzap", "noise:2.3%", "bus-noise"),
+        ("rs30x", "reset-loop:2:1.2%", "servo-reset-loop"),
+    ],
+)
+def test_a_loop_that_trembles_is_told_beside_what_fails(
+    protocol: str, other: str, cause: str
+) -> None:
+    told = {one.cause for one in suffering(protocol, f"jitter {other}", 8.0).incidents()}
+    assert told == {"controller-jitter", cause}
+
+
+def test_what_fails_makes_no_loop_tremble() -> None:
+    for other in ("impatient:5%", "noise:5%", "drop-reply:2:20%"):
+        assert "loop-jitters" not in codes(suffering("mightyzap", other, 8.0))
+
+
+def test_whole_second_answers_are_a_servos_also_where_the_controller_speaks_into_answers() -> None:
+    d = suffering("lss", "duplicate-id:2:60% impatient:3%", 8.0)
+    assert set(verdicts(d.incidents())) == {("duplicate-id", (2,)), ("impatient-controller", ())}

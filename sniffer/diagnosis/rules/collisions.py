@@ -40,6 +40,12 @@ FINDINGS: Final = (
         "answers have a checksum.",
     ),
     FindingCode(
+        "second-answers-whole",
+        "pairing",
+        "A servo answers twice time and again, and both answers are whole.",
+        "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all: who speaks into answers tears them.",
+    ),
+    FindingCode(
         "answers-mixed",
         "pairing",
         "Torn answers of a servo are two of its answers at once, some bits apart.",
@@ -61,6 +67,11 @@ FINDINGS: Final = (
         "At least eight answers, of which nineteen in twenty are torn and one in ten at most is missing; no clock, no single bit and no lost first byte explains it.",
     ),
 )
+
+WHOLE: Final = 20
+WHOLE_TIMES: Final = 3
+"""Second answers that are whole, and how many times as many they are as torn places: what tears
+answers, and another one behind it, leaves no more of them than it tears."""
 
 ALWAYS: Final = 8
 NEARLY: Final = 0.9
@@ -123,6 +134,19 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} answers {twin.twice} requests twice",
             may_be=may_be,
         )
+        names = case.has_checksum or not case.protocol.ordered
+        if names and twin.whole >= max(WHOLE, WHOLE_TIMES * int(case.damage["n"].sum())):
+            yield Finding(
+                "second-answers-whole",
+                servo,
+                min(times),
+                max(times),
+                twin.whole,
+                f"{twin.whole} second answers of servo {servo} are whole, and "
+                f"{int(case.damage['n'].sum())} places are torn in all",
+                case.places(events, "a second answer", 2),
+                brief=f"both answers of servo {servo} are whole",
+            )
 
 
 def _asked_before(case: Case, servo: int) -> tuple[int, ...]:

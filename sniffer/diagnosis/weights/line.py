@@ -51,7 +51,6 @@ _LOST: Final[tuple[_Row, ...]] = (
     ("answers-after-next", 0.1, "the answer to a torn request may be taken for a late one"),
     ("late-replies", 0.1, "the answer to a torn request may be taken for a late one"),
     ("retry-storm", 0.1, "what is torn is asked again"),
-    ("loop-jitters", 0.1, "waiting for what is torn takes time"),
     ("loop-stalls", 0.1, "waiting for what is torn takes time"),
     ("slower-than-peers", 0.1, "a torn byte more or less moves where an answer begins"),
     ("odd-commands", 0.1, "a torn frame may hold by chance"),
@@ -249,6 +248,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "duplicate-id",
         ("answers-twice", 5.0, "two answers come to one request"),
+        (
+            "second-answers-whole",
+            5.0,
+            "who speaks into answers leaves no second ones that are whole",
+        ),
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
         ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),
