@@ -12,13 +12,11 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
     CYCLES,
     EDGE,
-    REGIMES,
     SPREAD,
     SPREAD_NS,
+    cycle_of,
     is_kept_waiting,
-    is_parted,
     is_steady_for_a_while,
-    lumps,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -159,7 +157,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     spreads = [
         found
         for key in periods.keys
-        if periods.count(key) >= most * BEAT and (found := _cycle(case, key, edge))
+        if periods.count(key) >= most * BEAT and (found := cycle_of(case, key, edge))
     ]
     if not spreads:
         return
@@ -195,26 +193,6 @@ def _beat(middle: int, often: int) -> int:
     """
     turns = round(middle / often)
     return often if turns > 1 and abs(middle - turns * often) <= TURNS * often else middle
-
-
-def _cycle(case: Case, key: int, edge: float) -> tuple[int, int, int, int, int] | None:
-    """Return by how much the times between like requests differ, their middle, ends and count.
-
-    Ends are so far from the shortest and the longest that what failed cannot have made them.
-    """
-    periods = case.ledger.periods
-    low, middle, high = (periods.at(key, share) for share in (edge, 0.5, 1 - edge))
-    if low is None or middle is None or high is None or periods.count(key) < CYCLES:
-        return None
-    bins = periods.counts(key)
-    if lumps(bins) >= REGIMES or is_parted(bins, periods.per_octave):
-        return None
-    # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
-    side = min(middle.low - low.high, high.low - middle.high)
-    # those nearer the middle differ less, at least by so much where all lengths are as frequent
-    wider = (1 - 2 * EDGE) / (1 - 2 * edge)
-    spread = max(round(2 * side * wider) - 2 * case.latency_ns, 0)
-    return spread, middle.high, low.high, high.low, periods.count(key)
 
 
 def _failing(case: Case) -> int:
