@@ -304,3 +304,9 @@ def test_what_fails_makes_no_loop_tremble() -> None:
 def test_whole_second_answers_are_a_servos_also_where_the_controller_speaks_into_answers() -> None:
     d = suffering("lss", "duplicate-id:2:60% impatient:3%", 8.0)
     assert set(verdicts(d.incidents())) == {("duplicate-id", (2,)), ("impatient-controller", ())}
+
+
+def test_torque_that_the_controller_switches_on_again_has_not_outlived_a_silence() -> None:
+    d = suffering("rs30x", "reset-loop:5:1.5% dead:1@6s", 14.0)
+    assert "torque-survives" not in codes(d)
+    assert verdicts(d.incidents()) == [("servo-reset-loop", (5,)), ("servo-dead", (1,))]
