@@ -310,3 +310,14 @@ def test_torque_that_the_controller_switches_on_again_has_not_outlived_a_silence
     d = suffering("rs30x", "reset-loop:5:1.5% dead:1@6s", 14.0)
     assert "torque-survives" not in codes(d)
     assert verdicts(d.incidents()) == [("servo-reset-loop", (5,)), ("servo-dead", (1,))]
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [("chatty:3:7%", ("chatty-device", (3,))), ("impatient:5%", ("impatient-controller", ()))],
+)
+def test_a_limp_joint_is_told_beside_who_speaks_into_bare_answers(
+    other: str, told: tuple[str, tuple[int, ...]]
+) -> None:
+    d = suffering("wck", f"limp:2@2s {other}", 9.0)
+    assert set(verdicts(d.incidents())) == {("torque-off", (2,)), told}

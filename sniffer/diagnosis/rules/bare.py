@@ -59,15 +59,33 @@ def _mostly_behind(pieces: Sequence[Damage]) -> tuple[list[Damage], int]:
     return [d for d in behind if d.asked_id == whose], whose
 
 
-def chatty_bare(case: Case) -> Iterator[Finding]:
-    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
+def _words(case: Case) -> list[Damage]:
+    """Return what stands between the frames and may be bare answers; none where more is torn."""
     size = case.ledger.answer_length
     if not case.protocol.ordered or case.has_checksum or not size:
-        return
+        return []
     # what stands in the place of an answer was asked for
     stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY]
     alike = [d for d in stray if len(d.got) == d.length == size]
-    if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
+    return alike if len(alike) >= max(UNASKED, BARE_SHARE * len(stray)) else []
+
+
+def said_by_another(case: Case) -> int:
+    """Return the servo behind whose answers another one says where it is; -1: none."""
+    return case.once(_said_by_another)
+
+
+def _said_by_another(case: Case) -> int:
+    alike = _words(case)
+    _, whose = _mostly_behind(alike)
+    _, theirs = _followed(case, whose, alike)
+    return whose if theirs else -1
+
+
+def chatty_bare(case: Case) -> Iterator[Finding]:
+    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
+    size, alike = case.ledger.answer_length, _words(case)
+    if not alike:
         return
     told: dict[int, Sequence[Damage]] = {
         s: mine for s in case.answering if (mine := _would_be_answers(case, s, alike, size))
@@ -117,7 +135,7 @@ def _followed(case: Case, whose: int, pieces: Sequence[Damage]) -> tuple[int, Se
 
     A second one of that other one moves as it does, at some distance. None: as well with two.
     """
-    away = {s: x for s in case.answering if len(x := _away(case, s, pieces))}
+    away = {s: x for s in case.answering if pieces and len(x := _away(case, s, pieces))}
     if not case.has_clock or len(away) < 2:
         return -1, ()
     far = {s: float(np.median(np.abs(x))) for s, x in away.items()}

@@ -12,6 +12,7 @@ from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.bare import said_by_another
 from sniffer.diagnosis.rules.interruptions import torn_requests
 from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.diagnosis.twins import LEAST, PART, torn_answers, torn_by_twins, twins
@@ -94,7 +95,7 @@ PLAIN: Final = 0.5
 def answers_twice(case: Case) -> Iterator[Finding]:
     """Find servos of which two answers come."""
     for servo, twin in twins(case).items():
-        if twin.twice < LEAST:
+        if twin.twice < LEAST or servo == said_by_another(case):
             continue
         told = [
             f"{n} times {what}"
