@@ -24,7 +24,7 @@ def test_what_a_device_itself_speaks_into_is_not_torn_elsewhere() -> None:
 
 def test_the_second_answers_of_one_servo_do_not_hide_another_ones_words() -> None:
     d = suffering("rs30x", "chatty:1:8% duplicate-id:2:40%", 12.0)
-    assert verdicts(d.incidents()) == [("chatty-device", (1,)), ("duplicate-id", (2,))]
+    assert set(verdicts(d.incidents())) == {("chatty-device", (1,)), ("duplicate-id", (2,))}
 
 
 def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_asked_last() -> None:

@@ -44,7 +44,7 @@ FINDINGS: Final = (
         "second-answers-whole",
         "pairing",
         "A servo answers twice time and again, and both answers are whole.",
-        "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all: who speaks into answers tears them.",
+        "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all, and behind a third of its exchanges: who speaks into answers tears them, who speaks now and then says less.",
     ),
     FindingCode(
         "answers-mixed",
@@ -73,6 +73,9 @@ WHOLE: Final = 20
 WHOLE_TIMES: Final = 3
 """Second answers that are whole, and how many times as many they are as torn places: what tears
 answers, and another one behind it, leaves no more of them than it tears."""
+
+MANY: Final = 1 / 3
+"""Part of a servo's exchanges behind which they stand: who speaks now and then has fewer."""
 
 ALWAYS: Final = 8
 NEARLY: Final = 0.9
@@ -136,7 +139,8 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             may_be=may_be,
         )
         names = case.has_checksum or not case.protocol.ordered
-        if names and twin.whole >= max(WHOLE, WHOLE_TIMES * int(case.damage["n"].sum())):
+        least = max(WHOLE, WHOLE_TIMES * case.damage["n"].sum(), MANY * case.total("ok", servo))
+        if names and twin.whole >= least:
             yield Finding(
                 "second-answers-whole",
                 servo,
