@@ -85,8 +85,8 @@ SHORT: Final = 2
 
 BY_NOISE: Final = 0.35
 CHANCE: Final = 1e-3
-"""Part of the torn requests that a pulse in their last byte leaves as if bytes were missing, and how
-likely what is not that may be by it."""
+"""Part of the torn requests that pulses leave as if bytes were missing, and how likely so many may be
+by them."""
 
 SOME_SHORT: Final = 0.25
 """Part of the torn places that must be too short for what is missing there."""
@@ -198,7 +198,12 @@ def order_lacks_bytes(case: Case) -> Iterator[Finding]:
 def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
     """The same where answers are bare: behind what is left of the request they belong to the place."""
     known = case.ledger.exchanges.kinds.requests
-    torn = [d for d in case.damages if d.turn == IN_REQUEST and order.is_broken_at(d)]
+    torn = [
+        d
+        for d in case.damages
+        if d.turn == IN_REQUEST and order.is_broken_at(d)
+        if not any(_is_by_its_end(d.got, whole) for whole in known)
+    ]
     holes = {d.at for d in torn if any(_has_hole(d.got, whole) for whole in known)}
     found = [d for d in torn if d.at in holes or _is_too_short(d, order)]
     chance = at_least(len(found), len(torn), BY_NOISE)
@@ -210,6 +215,11 @@ def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
             "bytes that are missing",
             "bytes of a request and its answer are missing",
         )
+
+
+def _is_by_its_end(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are a request but for its last one: that may be altered, or the answer's."""
+    return len(got) == len(whole) == alike(got, whole) + 1
 
 
 def _is_too_short(d: Damage, order: Order) -> bool:
