@@ -73,6 +73,26 @@ def is_parted(bins: I64, per_octave: int) -> bool:
     return len(parts) > 1 and (is_several or bool(2.0**wide - 1 < SPREAD))
 
 
+def cycle_of(case: Case, key: int, edge: float) -> tuple[int, int, int, int, int] | None:
+    """Return by how much the times between like requests differ, their middle, ends and count.
+
+    Ends are so far from the shortest and the longest that what failed cannot have made them.
+    """
+    periods = case.ledger.periods
+    low, middle, high = (periods.at(key, share) for share in (edge, 0.5, 1 - edge))
+    if low is None or middle is None or high is None or periods.count(key) < CYCLES:
+        return None
+    bins = periods.counts(key)
+    if lumps(bins) >= REGIMES or is_parted(bins, periods.per_octave):
+        return None
+    # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
+    side = min(middle.low - low.high, high.low - middle.high)
+    # those nearer the middle differ less, at least by so much where all lengths are as frequent
+    wider = (1 - 2 * EDGE) / (1 - 2 * edge)
+    spread = max(round(2 * side * wider) - 2 * case.latency_ns, 0)
+    return spread, middle.high, low.high, high.low, periods.count(key)
+
+
 def is_steady_for_a_while(case: Case) -> bool:
     """Tell whether each cycle is about as long as those around it, however they differ in all.
 

@@ -12,13 +12,11 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
     CYCLES,
     EDGE,
-    REGIMES,
     SPREAD,
     SPREAD_NS,
+    cycle_of,
     is_kept_waiting,
-    is_parted,
     is_steady_for_a_while,
-    lumps,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -50,8 +48,8 @@ FINDINGS: Final = (
         "The controller's loop is uneven: its cycles differ by half their length and more.",
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
-        "lengths with none between, nor cycles that are all about as long as those around them; hardly any "
-        "answer is missing; and what comes late does not come right behind something else that the program "
+        "lengths with none between, nor cycles that are all about as long as those around them; each cycle in "
+        "which something failed is left out at both ends, three tenths at most; and what comes late does not come right behind something else that the program "
         "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
     ),
     FindingCode(
@@ -70,8 +68,9 @@ FINDINGS: Final = (
     ),
 )
 
-FAILS_MOST: Final = 0.05
-"""Share of cycles with something that failed beyond which timeouts make them uneven."""
+FAILS_MOST: Final = 0.3
+"""Share of cycles left out at each end: those in which something failed, which a timeout makes longer
+and the next one shorter. Of more it cannot be told what the others are like."""
 
 FREE_RUNNING_NS: Final = 6 * MS
 """A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
@@ -152,12 +151,13 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     if rest is None or rest.low < FREE_RUNNING_NS:
         return
     most = max(map(periods.count, periods.keys))
-    if _failing(case) > FAILS_MOST * most:
+    edge = EDGE + _failing(case) / most
+    if edge > FAILS_MOST:
         return
     spreads = [
         found
         for key in periods.keys
-        if periods.count(key) >= most * BEAT and (found := _cycle(case, key))
+        if periods.count(key) >= most * BEAT and (found := cycle_of(case, key, edge))
     ]
     if not spreads:
         return
@@ -195,23 +195,10 @@ def _beat(middle: int, often: int) -> int:
     return often if turns > 1 and abs(middle - turns * often) <= TURNS * often else middle
 
 
-def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:
-    """Return by how much the times between like requests differ, their middle, ends and count."""
-    periods = case.ledger.periods
-    low, middle, high = (periods.at(key, share) for share in (EDGE, 0.5, 1 - EDGE))
-    if low is None or middle is None or high is None or periods.count(key) < CYCLES:
-        return None
-    bins = periods.counts(key)
-    if lumps(bins) >= REGIMES or is_parted(bins, periods.per_octave):
-        return None
-    # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
-    side = min(middle.low - low.high, high.low - middle.high)
-    spread = max(2 * side - 2 * case.latency_ns, 0)
-    return spread, middle.high, low.high, high.low, periods.count(key)
-
-
 def _failing(case: Case) -> int:
-    return max(case.total("asked") - case.total("ok"), case.count(*DAMAGE))
+    """Return how many exchanges failed, but for those that do in each cycle: nobody is there."""
+    always = sum(case.total("asked", s) for s in case.servos if not case.total("ok", s))
+    return max(case.total("asked") - case.total("ok") - always, case.count(*DAMAGE))
 
 
 def loop_stalls(case: Case) -> Iterator[Finding]:
