@@ -109,6 +109,36 @@ def test_a_program_that_rests_behind_each_look_at_its_servos_does_not_stall(prot
     assert "loop-stalls" not in codes(talk.diagnosed())
 
 
+def test_a_program_that_asks_until_it_is_there_and_rests_does_not_stall() -> None:
+    """It says its goal again before each look, as examples of makers do, and all rests are alike."""
+    talk = Conversation("lss")
+    for move in range(7):
+        talk.read(1, move / 10)
+        talk.rest(100)
+        for step in range(50):
+            talk.send(1, (move + 1) / 10)
+            talk.rest(10)
+            talk.read(1, (move + step / 50) / 10)
+        talk.rest(1200)
+    assert not talk.diagnosed().incidents()
+
+
+def test_a_program_that_tells_all_it_knows_between_its_moves_does_not_stall() -> None:
+    talk = Conversation("lss")
+    for move in range(7):
+        for servo in (1, 2, 3):
+            talk.read(servo, move / 10)
+            talk.write(f"#{servo}QV\r".encode())
+            talk.say(f"*{servo}QV12000\r".encode())
+            talk.rest(1)
+        for step in range(40):
+            for servo in (1, 2, 3):
+                talk.read(servo, (move + step / 40) / 10)
+            talk.rest(40)
+        talk.rest(700)
+    assert not talk.diagnosed().incidents()
+
+
 def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
     talk = stalling("mightyzap")
     late = [

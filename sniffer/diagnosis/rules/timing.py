@@ -12,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
     CYCLES,
     EDGE,
+    ITS_STEP,
     REGIMES,
     SPREAD,
     SPREAD_NS,
@@ -19,6 +20,7 @@ from sniffer.diagnosis.cycles import (
     is_parted,
     is_steady_for_a_while,
     lumps,
+    steps,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -41,8 +43,8 @@ FINDINGS: Final = (
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
-        "not alike and three tenths of the time, "
-        "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
+        "not alike and three tenths of the time, nor behind a request that mostly has such a pause behind "
+        "it, nor where the two requests before, around or behind it mostly have one: the program's steps.",
     ),
     FindingCode(
         "loop-jitters",
@@ -93,10 +95,8 @@ STALL_NS: Final = 10 * MS
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
 
-ITS_STEP: Final = 0.5
 ITS_STEP_TIMES: Final = 3
-"""So many requests of one kind, and such a share of them, with a rest behind: there a program has done
-what it had to do. What stops a loop takes no heed of where the program is."""
+"""So many requests of one kind with a rest behind: there a program has done what it had to do."""
 
 AROUND_NS: Final = 4 * NS
 MOSTLY: Final = 0.7
@@ -226,7 +226,9 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
     if usual > SLOWEST_NS:
         return
-    stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
+    rests = case.ledger.exchanges.pauses
+    planned = steps(case, [p for p in rests if p.sure_ns >= LONGER * usual])
+    stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
