@@ -110,16 +110,21 @@ def test_a_program_that_rests_behind_each_look_at_its_servos_does_not_stall(prot
 
 
 def test_a_program_that_asks_until_it_is_there_and_rests_does_not_stall() -> None:
-    """It says its goal again before each look, as examples of makers do, and all rests are alike."""
-    talk = Conversation("lss")
-    for move in range(7):
-        talk.read(1, move / 10)
-        talk.rest(100)
-        for step in range(50):
-            talk.send(1, (move + 1) / 10)
-            talk.rest(10)
-            talk.read(1, (move + step / 50) / 10)
-        talk.rest(1200)
+    """As examples of makers do; where the capture ends, the place is no other one."""
+    rng = random.Random(3)
+    talk = Conversation("mightyzap")
+    for move in range(8):
+        talk.send(1, move / 10)
+        talk.rest(50)
+        for step in range(steps := rng.randint(60, 400)):
+            place = (move + step / steps) / 10
+            talk.write(bytes.fromhex("FFFFFF0104F2960171"))
+            talk.say(bytes.fromhex("FFFFFF01030001FA"))
+            talk.read(1, place)
+            talk.rest(4)
+        talk.rest(200)
+        talk.read(1, place)
+        talk.rest(rng.uniform(1000, 5000) if move < 7 else 0)
     assert not talk.diagnosed().incidents()
 
 
