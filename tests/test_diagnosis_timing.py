@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -153,6 +154,21 @@ def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
         for before, chunk in itertools.pairwise([talk.chunks[0], *talk.chunks])
     ]
     assert "loop-stalls" not in codes(talk.diagnosed(late))
+
+
+def test_goals_that_come_while_a_person_moves_a_slider_are_no_uneven_loop() -> None:
+    rng = random.Random(2)
+    talk, place, moved = Conversation("lss"), 0.0, itertools.count()
+    for _ in range(12):
+        for _ in range(rng.randint(20, 80)):
+            place = 0.5 + 0.4 * math.sin(next(moved) / 40)
+            talk.send(1, place)
+            talk.rest(rng.uniform(15, 45))
+        for _ in range(rng.randint(5, 20)):
+            for servo in (1, 2, 3):
+                talk.read(servo, place)
+            talk.rest(250)
+    assert not talk.diagnosed().incidents()
 
 
 def trembling(protocol: str, part: float, baud: int = BAUD, *, in_turn: int = 1) -> Conversation:

@@ -43,6 +43,10 @@ NEAR: Final = 4
 STEADY: Final = 0.6
 """How much less uneven than all cycles those beside each other are where each phase is steady."""
 
+RUNS: Final = 0.4
+"""Part of a capture that a loop's cycles fill, if it is one; those that are late at random fill two
+thirds. Goals that come while a person moves a slider are no cycles."""
+
 KEPT_WAITING: Final = 0.5
 """Part of the late cycles that begin right behind another job of the program: it was busy."""
 
@@ -81,6 +85,11 @@ def is_parted(bins: I64, per_octave: int) -> bool:
     low, high = (int(np.searchsorted(total, s * total[-1])) for s in (EDGE, 1 - EDGE))
     is_several = high - low > SEVERAL * per_octave
     return len(parts) > 1 and (is_several or bool(2.0**wide - 1 < SPREAD))
+
+
+def is_in_bursts(case: Case, count: int, middle_ns: int) -> bool:
+    """Tell whether cycles, so many of such a length, come only now and then: by hand, as a rule."""
+    return count * middle_ns < RUNS * (case.last_ns - case.first_ns)
 
 
 def is_steady_for_a_while(case: Case) -> bool:

@@ -16,6 +16,7 @@ from sniffer.diagnosis.cycles import (
     REGIMES,
     SPREAD,
     SPREAD_NS,
+    is_in_bursts,
     is_kept_waiting,
     is_parted,
     is_steady_for_a_while,
@@ -53,7 +54,7 @@ FINDINGS: Final = (
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
         "lengths with none between, nor cycles that are all about as long as those around them; hardly any "
-        "answer is missing; and what comes late does not come right behind something else that the program "
+        "answer is missing; it goes on for most of the time; and what comes late does not come right behind something else that the program "
         "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
     ),
     FindingCode(
@@ -147,9 +148,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     """A loop whose cycles differ much."""
     exchanges, periods = case.ledger.exchanges, case.ledger.periods
     rest = exchanges.idle.at(0, 0.99)
-    if not case.has_clock or not periods.keys:
-        return
-    if rest is None or rest.low < FREE_RUNNING_NS:
+    if not case.has_clock or not periods.keys or rest is None or rest.low < FREE_RUNNING_NS:
         return
     most = max(map(periods.count, periods.keys))
     if _failing(case) > FAILS_MOST * most:
@@ -169,7 +168,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
         return
     low, high, count = told[2:]
-    if is_steady_for_a_while(case) or is_kept_waiting(case):
+    if is_in_bursts(case, count, middle) or is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",
