@@ -325,3 +325,37 @@ def test_without_times_a_request_behind_an_answer_is_no_sure_loss_of_the_tap() -
     (told,) = (f for f in found(d) if f.code == "pieces-complete")
     assert told.strength < 1
     assert "request-swallowed" in codes(d)
+
+
+def parcels_lost(talk: Conversation, size: int, lost: range) -> list[Chunk]:
+    """Return what is left where an adapter's parcels of so many bytes are lost whole; no times."""
+    data = b"".join(chunk.data for chunk in talk.chunks)
+    parcels = [data[k : k + size] for k in range(0, len(data), size)]
+    left = (parcel for k, parcel in enumerate(parcels) if k not in lost)
+    return [Chunk(b"".join(left), 0, Clock.NONE)]
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_parcel_that_is_lost_with_a_request_and_a_part_of_its_answer_is_the_taps(
+    protocol: str,
+) -> None:
+    talk = robot(protocol, 4)
+    for first in (60, 71):
+        diagnosis = talk.diagnosed(parcels_lost(talk, 62, range(first, 260, 15)))
+        assert [one.cause for one in diagnosis.incidents()] == ["tap-loss"]
+
+
+def without_some(talk: Conversation, most: int) -> list[Chunk]:
+    """Return a conversation without times that lacks up to so many bytes in a row, 25 times."""
+    data, rng = bytearray(b"".join(chunk.data for chunk in talk.chunks)), random.Random(3)
+    for _ in range(25):
+        at = rng.randrange(len(data) - 10)
+        del data[at : at + rng.randint(1, most)]
+    return [Chunk(bytes(data), 0, Clock.NONE)]
+
+
+def test_bytes_that_are_missing_from_bare_answers_and_their_requests_are_the_taps() -> None:
+    talk = robot("wck", 6, goals=False)
+    diagnosis = talk.diagnosed(without_some(talk, 2))
+    assert "order-lacks-bytes" in codes(diagnosis)
+    assert verdicts(diagnosis.incidents()) == [("tap-loss", ())]

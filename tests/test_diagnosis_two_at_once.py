@@ -10,7 +10,7 @@ import pytest
 from sniffer.diagnosis.misread import of_peers
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
-from tests.servos import lss
+from tests.servos import lss, suffering
 from tests.streams import wck
 from tests.test_diagnosis_beside import torn_read
 from tests.test_diagnosis_tap import holes, one_wire
@@ -279,3 +279,45 @@ def test_strays_that_spare_all_frames_come_when_the_direction_changes(
     talk = robot("mightyzap", 10, rate_hz=20, instead=instead, goals=False)
     told = codes(talk.diagnosed(through_usb(talk.chunks)))
     assert ("strays-at-turn" in told) is at_turn
+
+
+@pytest.mark.parametrize(
+    ("protocol", "other", "cause"),
+    [
+        ("rs30x", "impatient:3%", "impatient-controller"),
+        ("mightyzap", "noise:2.3%", "bus-noise"),
+        ("rs30x", "reset-loop:2:1.2%", "servo-reset-loop"),
+    ],
+)
+def test_a_loop_that_trembles_is_told_beside_what_fails(
+    protocol: str, other: str, cause: str
+) -> None:
+    told = {one.cause for one in suffering(protocol, f"jitter {other}", 8.0).incidents()}
+    assert told == {"controller-jitter", cause}
+
+
+def test_what_fails_makes_no_loop_tremble() -> None:
+    for other in ("impatient:5%", "noise:5%", "drop-reply:2:20%"):
+        assert "loop-jitters" not in codes(suffering("mightyzap", other, 8.0))
+
+
+def test_whole_second_answers_are_a_servos_also_where_the_controller_speaks_into_answers() -> None:
+    d = suffering("lss", "duplicate-id:2:60% impatient:3%", 8.0)
+    assert set(verdicts(d.incidents())) == {("duplicate-id", (2,)), ("impatient-controller", ())}
+
+
+def test_torque_that_the_controller_switches_on_again_has_not_outlived_a_silence() -> None:
+    d = suffering("rs30x", "reset-loop:5:1.5% dead:1@6s", 14.0)
+    assert "torque-survives" not in codes(d)
+    assert verdicts(d.incidents()) == [("servo-reset-loop", (5,)), ("servo-dead", (1,))]
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [("chatty:3:7%", ("chatty-device", (3,))), ("impatient:5%", ("impatient-controller", ()))],
+)
+def test_a_limp_joint_is_told_beside_who_speaks_into_bare_answers(
+    other: str, told: tuple[str, tuple[int, ...]]
+) -> None:
+    d = suffering("wck", f"limp:2@2s {other}", 9.0)
+    assert set(verdicts(d.incidents())) == {("torque-off", (2,)), told}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 
+import pytest
+
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.servos import suffering
@@ -22,7 +24,7 @@ def test_what_a_device_itself_speaks_into_is_not_torn_elsewhere() -> None:
 
 def test_the_second_answers_of_one_servo_do_not_hide_another_ones_words() -> None:
     d = suffering("rs30x", "chatty:1:8% duplicate-id:2:40%", 12.0)
-    assert verdicts(d.incidents()) == [("chatty-device", (1,)), ("duplicate-id", (2,))]
+    assert set(verdicts(d.incidents())) == {("chatty-device", (1,)), ("duplicate-id", (2,))}
 
 
 def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_asked_last() -> None:
@@ -39,3 +41,16 @@ def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_ask
     assert verdicts(d.incidents()) == [("chatty-device", (3,))]
     late = talk.diagnosed(through_usb(talk.chunks))  # by which nobody knows how soon it came
     assert verdicts(late.incidents()) == [("chatty-device", (3,))]
+
+
+@pytest.mark.parametrize("servo", [2, 3])
+def test_bare_words_that_go_with_another_servo_are_no_second_answers(servo: int) -> None:
+    d = suffering("wck", f"chatty:{servo}:8%", 6.0)  # it speaks before it is asked the next time
+    assert "seconds-follow-another" in codes(d)
+    assert verdicts(d.incidents()) == [("chatty-device", (servo,))]
+
+
+def test_bare_second_answers_of_a_servo_go_with_no_other() -> None:
+    d = suffering("wck", "duplicate-id:1:20%", 6.0)
+    assert "seconds-follow-another" not in codes(d)
+    assert verdicts(d.incidents()) == [("duplicate-id", (1,))]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.decoding.sums import wrong_sums
-from sniffer.ground.model import Direction
+from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.conversations import Conversation, robot
@@ -148,3 +148,50 @@ def test_frames_that_begin_well_and_have_a_wrong_length_are_at_the_right_rate() 
     assert "wrong-baud" not in [one.cause for one in incident.causes if one.confidence > 0.05]
     (finding,) = (f for f in found(diagnosis) if f.code == "begins-hold")
     assert "begins as it should, such as FA AF" in finding.what
+
+
+def stated(packet: bytes, at: int, more: int, *, as_sent: bool) -> bytes:
+    """Make of an RS30x packet one that states another length, or count, than it has.
+
+    Its checksum is over the bytes as they are sent, or as they were before somebody erred.
+    """
+    wrong = packet[:at] + bytes((packet[at] + more,)) + packet[at + 1 :]
+    return wrong[:-1] + bytes((xor(wrong[2:-1]),)) if as_sent else wrong
+
+
+@pytest.mark.parametrize(
+    ("at", "more", "as_sent", "clock"),
+    [(5, -1, True, Clock.SAMPLE), (6, -1, False, Clock.SAMPLE), (6, 1, True, Clock.NONE)],
+)
+def test_packets_that_state_another_length_than_they_have_are_the_controllers(
+    at: int, more: int, as_sent: bool, clock: Clock
+) -> None:
+    rng = random.Random(3)
+
+    def goals(talk: Conversation, cycle: int) -> None:
+        for servo in (1, 2, 3):
+            talk.say(stated(talk.tongue.goal(servo, rng.random()), at, more, as_sent=as_sent))
+            talk.rest(3)
+
+    talk = robot("rs30x", 0.6, behind=goals, goals=False)
+    chunks = talk.chunks
+    if clock == Clock.NONE:
+        chunks = [Chunk(b"".join(c.data for c in chunks), 0, clock)]
+    diagnosis = talk.diagnosed(chunks)
+    assert verdicts(diagnosis.incidents()) == [("malformed-command", ())]
+    assert diagnosis.incidents()[0].causes[0].confidence > 0.9
+    assert "head-wrong" in codes(diagnosis)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_head_that_is_torn_at_times_is_not_sent_so(protocol: str) -> None:
+    rng = random.Random(11)
+    at = 6 if protocol == "rs30x" else 4
+    torn = []
+    talk = robot(protocol, 2)
+    for chunk in one_wire(talk):
+        data = bytearray(chunk.data)
+        if len(data) > at + 2 and rng.random() < 0.3:
+            data[at] ^= 1
+        torn.append(replace(chunk, data=bytes(data)))
+    assert "head-wrong" not in codes(talk.diagnosed(torn))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.buckets import TimedBuckets
-from sniffer.diagnosis.likes import Likes, RequestBefore
+from sniffer.diagnosis.likes import Asking, Likes, RequestBefore, asking_of
 from sniffer.diagnosis.torn import TornRuns, is_held, only_value
 from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
@@ -74,7 +74,7 @@ class Damage:
     took until the next frame began; -1 where nobody knows. ``is_answered``: a sound answer to the
     same request follows, ``behind`` the kind of the frame before (-1: none). ``begins_ns`` is when
     its first byte began (-1: nobody knows), ``asked_before`` are the last requests before it, the
-    latest first.
+    latest first, ``then`` is what the next frame asks (None: it is no request, or not heard yet).
     """
 
     at: int
@@ -92,6 +92,7 @@ class Damage:
     behind: int = -1
     begins_ns: int = -1
     asked_before: tuple[RequestBefore, ...] = ()
+    then: Asking | None = None
 
     @property
     def expected(self) -> bytes:
@@ -153,6 +154,7 @@ class _Told(NamedTuple):
     behind: I64
     asks: Mask
     follows: Mask
+    after: I64
 
 
 class Damages:
@@ -290,9 +292,9 @@ class Damages:
                 (f.uncertainty, edge.uncertainty),
             )
         )
-        follows = (np.append(f.kind.astype(np.int64), -1)[after] == RESPONSE) & (
-            np.append(f.start, -1)[after] == end
-        )
+        then = np.append(f.kind.astype(np.int64), -1)[after]
+        asked = np.where(then == REQUEST, after, -1)
+        follows = (then == RESPONSE) & (np.append(f.start, -1)[after] == end)
         known = _outcomes(batch)[:-1] if batch is not None else np.empty(0, np.int64)
         outcome = np.append(known, edge.outcome)[row]
         timed = np.append(f.uncertainty, -1)[after]
@@ -325,7 +327,7 @@ class Damages:
         who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
         next_ns = np.append(f.t_start, -1)[after]
         until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
-        return _Told(turn, who, since, until, row, kind, asks, follows)
+        return _Told(turn, who, since, until, row, kind, asks, follows, asked)
 
     def _count(self, counts: TimedBuckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
@@ -344,10 +346,10 @@ class Damages:
         self, runs: TornRuns, told: _Told, batch: Batch | None, most: int
     ) -> Iterator[Damage]:
         """Make the first few of some runs, each with what should have stood there."""
-        base = 0 if batch is None else batch.base
+        base, f = (0, None) if batch is None else (batch.base, batch.frames)
         for i in range(min(len(runs), most)):
             at, size = int(runs.start[i]), int(runs.length[i])
-            row = int(told.row[i])
+            row, after = int(told.row[i]), int(told.after[i])
             if batch is None or at < base:
                 got = (self._begun + (b"" if batch is None else batch.data))[:size][:BYTES]
             else:
@@ -376,6 +378,7 @@ class Damages:
                 int(told.behind[i]),
                 int(runs.begins_ns[i]) if told.since_ns[i] != -1 else -1,
                 self.likes.asked_before(batch, row),
+                asking_of(f, after) if f is not None and after >= 0 else None,
             )
 
 

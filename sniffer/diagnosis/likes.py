@@ -18,7 +18,7 @@ from sniffer.ground.codes import REQUEST, RESPONSE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Frames
 
 BEFORE: Final = 256
 """Frames before a place in which its like is looked for: some cycles of a bus."""
@@ -40,12 +40,26 @@ KNOWN: Final = 512
 """Requests whose answers are remembered."""
 
 
+class Asking(NamedTuple):
+    """A request by what makes its kind: whom it asks, and for what."""
+
+    servo_id: int
+    op: int
+    address: int
+
+
 class RequestBefore(NamedTuple):
-    """A request: whom it asked, when it was over (ns), and whether a sound answer followed."""
+    """A request: whom it asked, when it was over (ns), whether a sound answer came, its kind."""
 
     servo_id: int
     t_ns: int
     is_answered: bool
+    asking: Asking
+
+
+def asking_of(f: Frames, row: int) -> Asking:
+    """Return whom the request in a row asks, and for what."""
+    return Asking(int(f.servo_id[row]), int(f.op[row]), int(f.address[row]))
 
 
 class Likes:
@@ -129,9 +143,9 @@ class Likes:
             f = held.frames
             for k, kind in zip(rows[::-1].tolist(), f.kind[rows][::-1].tolist(), strict=True):
                 if kind == REQUEST:
-                    out.append(
-                        RequestBefore(int(f.servo_id[k]), int(f.t_end[k]), behind == RESPONSE)
-                    )
+                    asking = asking_of(f, k)
+                    t_ns = int(f.t_end[k])
+                    out.append(RequestBefore(asking.servo_id, t_ns, behind == RESPONSE, asking))
                     if len(out) == ASKED:
                         return tuple(out)
                 behind = kind

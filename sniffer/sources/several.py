@@ -82,12 +82,12 @@ class SeveralSources(Source):
     def _by_time(self, damage: list[str]) -> Iterator[tuple[Source, Sequence[Chunk]]]:
         """Yield what the inputs say in the order of time; one is opened when its time has come."""
         waiting = deque(self._begins)
-        read: list[_Reading] = []
+        read: list[_PartRead] = []
         while waiting or read:
             now = min((one.next_ns for one in read), default=None)
             while waiting and (now is None or waiting[0][1] <= now):
                 part, now = waiting.popleft()
-                read.append(_Reading(part, damage))
+                read.append(_PartRead(part, damage))
             one = min(read, key=_next)
             others = [other.next_ns for other in read if other is not one]
             until = min([*others, *(begin for _, begin in waiting)], default=None)
@@ -226,7 +226,7 @@ class BusOwners:
             self._newest[bus] = part, max(newest_ns, t_ns)
 
 
-class _Reading:
+class _PartRead:
     """An input that is being read: what it says next, and when that was."""
 
     def __init__(self, part: Source, damage: list[str]) -> None:
@@ -280,7 +280,7 @@ def _begin(begin: tuple[Source, int]) -> int:
     return begin[1]
 
 
-def _next(one: _Reading) -> int:
+def _next(one: _PartRead) -> int:
     return one.next_ns
 
 

@@ -12,6 +12,7 @@ from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.bare import said_by_another
 from sniffer.diagnosis.rules.interruptions import torn_requests
 from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.diagnosis.twins import LEAST, PART, torn_answers, torn_by_twins, twins
@@ -40,6 +41,12 @@ FINDINGS: Final = (
         "answers have a checksum.",
     ),
     FindingCode(
+        "second-answers-whole",
+        "pairing",
+        "A servo answers twice time and again, and both answers are whole.",
+        "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all, and behind a third of its exchanges: who speaks into answers tears them, who speaks now and then says less.",
+    ),
+    FindingCode(
         "answers-mixed",
         "pairing",
         "Torn answers of a servo are two of its answers at once, some bits apart.",
@@ -62,6 +69,14 @@ FINDINGS: Final = (
     ),
 )
 
+WHOLE: Final = 20
+WHOLE_TIMES: Final = 3
+"""Second answers that are whole, and how many times as many they are as torn places: what tears
+answers, and another one behind it, leaves no more of them than it tears."""
+
+MANY: Final = 1 / 3
+"""Part of a servo's exchanges behind which they stand: who speaks now and then has fewer."""
+
 ALWAYS: Final = 8
 NEARLY: Final = 0.9
 """How many torn answers, and which part of all, are always."""
@@ -83,7 +98,7 @@ PLAIN: Final = 0.5
 def answers_twice(case: Case) -> Iterator[Finding]:
     """Find servos of which two answers come."""
     for servo, twin in twins(case).items():
-        if twin.twice < LEAST:
+        if twin.twice < LEAST or servo == said_by_another(case):
             continue
         told = [
             f"{n} times {what}"
@@ -123,6 +138,20 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} answers {twin.twice} requests twice",
             may_be=may_be,
         )
+        names = case.has_checksum or not case.protocol.ordered
+        least = max(WHOLE, WHOLE_TIMES * case.damage["n"].sum(), MANY * case.total("ok", servo))
+        if names and twin.whole >= least:
+            yield Finding(
+                "second-answers-whole",
+                servo,
+                min(times),
+                max(times),
+                twin.whole,
+                f"{twin.whole} second answers of servo {servo} are whole, and "
+                f"{int(case.damage['n'].sum())} places are torn in all",
+                case.places(events, "a second answer", 2),
+                brief=f"both answers of servo {servo} are whole",
+            )
 
 
 def _asked_before(case: Case, servo: int) -> tuple[int, ...]:

@@ -299,9 +299,14 @@ def when_none_due(case: Case) -> Iterator[Finding]:
 
 def _is_one(got: bytes, begun: Sequence[bytes], known: Sequence[bytes]) -> bool:
     """Tell whether bytes are a request but for a few, or but for one that is lost or more."""
-    if any(abs(len(q) - len(got)) <= 1 for q in begun):
+    if any(abs(len(q) - len(got)) <= 1 or _is_cut(got, q) for q in begun):
         return True
     return any(_is_nearly(got, q) for q in known)
+
+
+def _is_cut(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are the beginning of a request, and a few more: nobody spoke on for long."""
+    return len(got) < len(whole) and len(got) - alike(got, whole) <= GARBLED
 
 
 def _is_nearly(got: bytes, whole: bytes) -> bool:

@@ -12,7 +12,7 @@ from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
-from sniffer.ground.codes import REQUEST
+from sniffer.ground.codes import REQUEST, RESPONSE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,6 +48,15 @@ FINDINGS: Final = (
         "length.",
     ),
     FindingCode(
+        "order-lacks-bytes",
+        "tap",
+        "Torn places stand for requests that are longer than they are.",
+        "Behind sound answers, requests are missing from the controller's fixed order around torn "
+        "bytes, and those alone have two bytes more and beyond: three such places, a quarter of all "
+        "torn ones. Where answers are bare, torn requests with them are as they were sent but for bytes in a row "
+        "that are missing, more than pulses leave. Noise alters bytes and leaves their number.",
+    ),
+    FindingCode(
         "answered-though-torn",
         "tap",
         "Servos answer requests that lack bytes here: on the line they were whole.",
@@ -70,6 +79,17 @@ ANSWERED: Final = 0.25
 
 PIECE: Final = 3
 """Bytes alike from the beginning or up to the end: three alike by chance are one in 16 million."""
+
+SHORT: Final = 2
+"""Bytes that a request is short of at least where it is not what was torn: a pulse takes one at most."""
+
+BY_NOISE: Final = 0.35
+CHANCE: Final = 1e-3
+"""Part of the torn requests that pulses leave as if bytes were missing, and how likely so many may be
+by them."""
+
+SOME_SHORT: Final = 0.25
+"""Part of the torn places that must be too short for what is missing there."""
 
 PART: Final = 0.3
 """Share of all damage that pieces without a beginning are where bytes are lost."""
@@ -156,6 +176,74 @@ def headless(case: Case) -> Iterator[Finding]:
         f"{len(pieces)} pieces of 3 bytes and more stand where no frame begins, of no frame's length",
         "the end of a frame whose beginning is missing",
     )
+
+
+def order_lacks_bytes(case: Case) -> Iterator[Finding]:
+    """Torn places that are shorter than the requests which are missing there."""
+    order = Order(case)
+    if case.protocol.ordered and not case.has_checksum:
+        yield from _bare_lack_bytes(case, order)
+        return
+    torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
+    found = [d for d in torn if _is_too_short(d, order)]
+    if len(found) >= max(LEAST, SOME_SHORT * len(torn)):
+        yield _told(
+            "order-lacks-bytes",
+            found,
+            f"{len(found)} of {len(torn)} torn places are shorter than the requests that are missing there",
+            "requests of more bytes are missing here",
+        )
+
+
+def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
+    """The same where answers are bare: behind what is left of the request they belong to the place."""
+    known = case.ledger.exchanges.kinds.requests
+    torn = [
+        d
+        for d in case.damages
+        if d.turn == IN_REQUEST and order.is_broken_at(d)
+        if not any(_is_by_its_end(d.got, whole) for whole in known)
+    ]
+    holes = {d.at for d in torn if any(_has_hole(d.got, whole) for whole in known)}
+    found = [d for d in torn if d.at in holes or _is_too_short(d, order)]
+    chance = at_least(len(found), len(torn), BY_NOISE)
+    if len(holes) >= LEAST and chance < CHANCE:
+        yield _told(
+            "order-lacks-bytes",
+            found,
+            f"{len(found)} of {len(torn)} torn requests and their answers are as they were sent, but for "
+            "bytes that are missing",
+            "bytes of a request and its answer are missing",
+        )
+
+
+def _is_by_its_end(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are a request but for its last one: that may be altered, or the answer's."""
+    return len(got) == len(whole) == alike(got, whole) + 1
+
+
+def _is_too_short(d: Damage, order: Order) -> bool:
+    """Tell whether a torn place has fewer bytes than the requests that are missing there.
+
+    Who was not answered may leave out what it has no time for: only behind sound answers.
+    """
+    due = d.turn == IN_REQUEST and d.behind == RESPONSE and d.length >= PIECE
+    return due and d.length <= order.missing_bytes(d) - SHORT
+
+
+def _has_hole(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are a request and a bare answer without one or more bytes in a row.
+
+    Of one that states goals, which are any, its head is as it should be, and it is too short.
+    """
+    size = len(whole) + BARE
+    if not PIECE < len(got) < size:
+        return False
+    head = alike(got, whole)
+    if len(got) < len(whole) and head >= PIECE:
+        return True
+    behind = whole[len(whole) - max(len(got) - head - BARE, 0) :]
+    return got[head : head + len(behind)] == behind
 
 
 def requests_missing(case: Case) -> Iterator[Finding]:
@@ -246,5 +334,5 @@ def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
     return head + tail >= len(got)
 
 
-RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, requests_missing)
+RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, order_lacks_bytes, requests_missing)
 """The rules of this area."""

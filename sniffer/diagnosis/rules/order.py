@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+import heapq
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.likes import Asking
+
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.ground.model import I64
 
 RARELY: Final = 0.02
@@ -68,6 +73,41 @@ class Order:
         """Tell whether requests are missing between two kinds."""
         known = self.usual.get(kind, set())
         return self.is_strict and bool(known) and after not in known
+
+    def is_broken_at(self, d: Damage) -> bool:
+        """Tell whether requests are missing between those before and behind a torn place."""
+        kind, after = self._around(d)
+        return min(kind, after) >= 0 and self.leaves_out(kind, after)
+
+    def missing_bytes(self, d: Damage) -> int:
+        """Return how many bytes the requests have at least that are missing at a torn place."""
+        kind, after = self._around(d)
+        if not self.is_broken_at(d):
+            return 0
+        sizes = [*map(len, self._kinds.example)]
+        reached, nearest = set[int](), [(0, k) for k in self.usual[kind] if k >= 0]
+        while nearest:
+            size, k = heapq.heappop(nearest)
+            if k == after and size:
+                return size
+            if k not in reached:
+                reached.add(k)
+                for then in self.usual.get(k, ()):
+                    heapq.heappush(nearest, (size + sizes[k], then))
+        return 0
+
+    def _around(self, d: Damage) -> tuple[int, int]:
+        """Return the kinds of the requests before and behind a torn place; -1: none, or a rare one."""
+        if not d.asked_before or d.then is None:
+            return -1, -1
+        before, then = d.asked_before[0].asking, d.then
+        return self._number.get(before, -1), self._number.get(then, -1)
+
+    @functools.cached_property
+    def _number(self) -> dict[Asking, int]:
+        k = self._kinds
+        every = enumerate(zip(k.servo_id, k.op, k.address, k.odd, strict=True))
+        return {Asking(*asking): n for n, (*asking, odd) in every if not odd}
 
     def skips_one(self, kind: int, after: int) -> bool:
         """Tell whether just one request is missing between two kinds."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,10 +15,8 @@ from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
-from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.ground.codes import RESPONSE
-from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -89,12 +86,6 @@ SELDOM: Final = 1 / 3
 
 SURE: Final = 1e-4
 """So rare a chance is out of the question."""
-
-BARE_SHARE: Final = 0.7
-"""Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
-
-NEAR_RAW: Final = 3
-"""Steps that a joint may have moved since its last answer."""
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -179,7 +170,7 @@ def chatty(case: Case) -> Iterator[Finding]:
                     case.anomalies("duplicate-response", servo_id=servo),
                     "the second of two answers",
                 ),
-                strength=_unlikely(chances[servo]) * (1.0 if case.has_prompt_stamps else EITHER),
+                strength=unlikely(chances[servo]) * (1.0 if case.has_prompt_stamps else EITHER),
                 brief=f"a second servo {servo} answers now and then",
             )
         if chances[servo] < ALONE and case.has_prompt_stamps:
@@ -314,73 +305,10 @@ def _is_behind(d: Damage, servo: int) -> bool:
     return (d.asked_id if d.behind == RESPONSE else d.earlier_id) == servo
 
 
-def _unlikely(chance: float) -> float:
+def unlikely(chance: float) -> float:
     """Return how much a chance is out of the question, 0..1."""
     return min(1.0, math.log(max(chance, SURE)) / math.log(SURE))
 
 
-def _mostly_behind(pieces: Sequence[Damage]) -> tuple[list[Damage], int]:
-    """Return those right behind an answer of the servo behind which most are, and which it is."""
-    behind = [d for d in pieces if d.behind == RESPONSE and d.asked_id >= 0]
-    count = Counter(d.asked_id for d in behind)
-    whose = max(count, key=lambda servo: count[servo], default=-1)
-    return [d for d in behind if d.asked_id == whose], whose
-
-
-def chatty_bare(case: Case) -> Iterator[Finding]:
-    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
-    size = case.ledger.answer_length
-    if not case.protocol.ordered or case.has_checksum or not size:
-        return
-    # what stands in the place of an answer was asked for
-    stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY]
-    alike = [d for d in stray if len(d.got) == d.length == size]
-    if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
-        return
-    told = {s: fits for s in case.answering if (fits := _would_be_answers(case, s, alike, size))}
-    behind, whose = _mostly_behind(alike)
-    chance = at_least(len(behind), len(alike), case.total("asked", whose) / case.total("asked"))
-    if chance < ALONE and whose in told:
-        told = {whose: told[whose]}  # two joints may be near each other: not both have a second one
-        yield finding_of(
-            behind,
-            "behind-its-own-alone",
-            whose,
-            f"{len(behind)} of {len(alike)} such pieces came right behind an answer of servo {whose}",
-            "the second of two answers",
-            strength=_unlikely(chance),
-            brief=f"a second servo {whose} answers now and then",
-        )
-    for servo, fits in told.items():
-        yield finding_of(
-            fits,
-            "speaks-unasked",
-            servo,
-            f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
-            f"servo {servo}, where it is at the moment",
-            "would be an answer",
-            # all of it behind one servo's answers may as well be that one's second answers
-            strength=min(0.5 + len(fits) / 25, 0.9) * (EITHER if chance < ALONE else 1.0),
-            brief=f"servo {servo} speaks unasked",
-        )
-
-
-def _would_be_answers(case: Case, servo: int, pieces: Sequence[Damage], size: int) -> list[Damage]:
-    """Return pieces that tell where a servo is; none if as many would by chance."""
-    p = case.series(servo, "position")
-    if p is None or p.register.width != 1:
-        return []
-    t = np.array([d.t_ns for d in pieces])
-    low, high = (x / p.register.scale for x in in_force(p, t - NS // 4, t))
-    fits = [
-        d
-        for d, a, b in zip(pieces, low.tolist(), high.tolist(), strict=True)
-        if any(a - NEAR_RAW <= byte <= b + NEAR_RAW for byte in d.got)
-    ]
-    chance = float(np.mean(high - low + 2 * NEAR_RAW)) * size / 256
-    enough = max(UNASKED, BARE_SHARE * len(pieces), 2 * chance * len(pieces))
-    return fits if len(fits) >= enough else []
-
-
-RULES: Final[tuple[Rule, ...]] = (chatty, chatty_bare)
+RULES: Final[tuple[Rule, ...]] = (chatty,)
 """The rules of this file."""

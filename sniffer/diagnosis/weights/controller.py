@@ -129,7 +129,6 @@ WEIGHTS: Final = (
                 "comes-and-goes",
                 "late-replies",
                 "joint-not-following",
-                "joint-limp",
                 "torque-survives",
                 "supply-steady",
                 "outages-anytime",

@@ -106,7 +106,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("rounds-cross", -1.5, "noise puts no whole request between two others"),
         ("answers-twice", -0.5, "a second answer tears others"),
         *_TORN,
-        *_LOST,
+        # cycles that noise has hit are known, and left out
+        *(w for w in _LOST if w[0] != "loop-jitters"),
     ),
     *for_(
         "emi-load",
@@ -191,6 +192,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-at-turn", -2.0, "a weak signal has no strays where the direction changes"),
         ("last-bits", -3.5, "only one servo's last bits are hit"),
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
+        ("answers-mixed", -2.5, "two answers at once explain it: who pulls low wins"),
         ("strays-anywhere", 0.3, "a slow edge may look like a start"),
         ("gives-up-early", -2.5, "a weak signal makes no answer late"),
         *_TORN,
@@ -249,6 +251,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "duplicate-id",
         ("answers-twice", 5.0, "two answers come to one request"),
+        (
+            "second-answers-whole",
+            5.0,
+            "who speaks into answers leaves no second ones that are whole",
+        ),
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
         ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),
@@ -256,6 +263,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-one-servo", 1.5, "only its answers are hit"),
         ("speaks-unasked", 0.6, "the second answer stands alone"),
         ("behind-its-own-alone", 3.0, "who says more answers the same request"),
+        ("seconds-follow-another", -9.0, "what comes second is where another joint is"),
         ("strays-anywhere", 0.3, "a bare second answer may look like bytes of nobody"),
         ("duplicate-response", 2.5, "a second answer of the same id"),
         ("comes-and-goes", 0.2, "two answers at once are none"),

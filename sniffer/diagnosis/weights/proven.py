@@ -11,7 +11,7 @@ from sniffer.diagnosis.weights.table import Weight, for_
 TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
 
 TRANSLATED = "bytes-translated"
-SENT_SO, SUMS_WRONG = "sent-translated", "sums-wrong"
+SENT_SO, SUMS_WRONG, HEAD_WRONG = "sent-translated", "sums-wrong", "head-wrong"
 """The proofs: of a program behind the tap, and of the controller's."""
 
 WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
@@ -79,6 +79,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         *((code, -2.0, "bytes were torn before any program had them") for code in _BEFORE),
         (SENT_SO, 8.0, "a tap that hears the controller only has no answers"),
         (SUMS_WRONG, -5.0, "only the checksums are wrong"),
+        (HEAD_WRONG, -9.0, "no byte is missing, and the wrong one is no line end"),
     ),
     *for_("impatient-controller", ("begins-hold", 2.5, "answers run into the next requests")),
     *for_(
@@ -90,6 +91,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             9.0,
             "packets are right but for their checksums, which follow another formula",
         ),
+        (HEAD_WRONG, 12.0, "all is there, and one byte tells of another frame: it is sent so"),
         *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
         (SENT_SO, 9.5, "what is sent is not what is meant, and nobody answers"),
         (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
@@ -120,6 +122,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
             (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
             (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
+            (
+                HEAD_WRONG,
+                -7.0,
+                "one byte of the head is wrong, always, and everything else is right",
+            ),
             ("kind-never-whole", -4.0, "requests of other kinds and all answers are whole"),
         )
     ),

@@ -11,6 +11,7 @@ _LOST_HERE: Final = (
     ("requests-torn-short", -2.5, "requests lack bytes: noise takes none away"),
     ("headless-frames", -2.0, "noise alters frames, and leaves their length"),
     ("requests-missing", -1.0, "noise takes no requests away"),
+    ("order-lacks-bytes", -2.5, "noise alters requests, and leaves their length"),
     ("answered-though-torn", -3.0, "on the line the requests were whole"),
     ("goes-on-unanswered", -2.5, "the controller got the answers that are missing here"),
     ("pieces-complete", -3.5, "pieces of frames are as they were sent: noise alters them"),
@@ -24,6 +25,7 @@ WEIGHTS: Final = (
         for cause in ("bus-noise", "signal-integrity", "bad-cable", "emi-load", "servo-reset-loop")
         for weight in for_(cause, *_LOST_HERE)
     ),
+    *for_("two-masters", ("order-lacks-bytes", -2.5, "two loops keep no order among them")),
     *for_(
         "echo",
         ("adapter-echo", 4.0, "every request stands there twice, byte for byte, with one answer"),
@@ -45,6 +47,7 @@ WEIGHTS: Final = (
         ("not-decoded", 0.5, "the recorder was too slow to decode"),
         ("goes-on-unanswered", 3.0, "the controller got the answers that are missing here"),
         ("requests-missing", 1.2, "requests are missing from the controller's order"),
+        ("order-lacks-bytes", 3.0, "requests are missing, and less is torn than they have"),
         ("pieces-complete", 4.0, "pieces are as they were sent, but for bytes that are missing"),
         ("frames-spliced", 3.5, "frames are joined as they were sent, without what is between"),
         ("headless-frames", 2.5, "ends of frames stand without their beginnings"),
