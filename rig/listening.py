@@ -41,7 +41,8 @@ class Recording:
 
     def wait_open(self) -> Recording:
         """Wait until its file is there: then all ports are open."""
-        ended = f"! kill -0 $(cat /tmp/pid.{self.number})"
+        pid = f"/tmp/pid.{self.number}"  # of one that has not begun there is none: it did not end
+        ended = f"{{ test -s {pid} && ! kill -0 $(cat {pid}); }}"
         self.rig.until(f"test -s {self.path} || {ended}")
         return self
 

@@ -200,6 +200,20 @@ def test_the_distance_from_the_goal_is_that_of_the_last_goal_of_that_servo() -> 
     )
 
 
+def test_a_goal_for_id_0_is_that_of_all_until_a_servo_answers_so() -> None:
+    goal = packet(0, 0xF3, bytes([GOAL, 0x00, 0x08]))
+    here, of_zero = asked(1, POSITION, 0x00, 0x04), asked(0, POSITION, 0x00, 0x04)
+    one, zero = "servo 1 has", "servo 0 has"
+    for chunks, who in (
+        ([at(0, goal), at(50, here)], [one]),
+        ([at(0, of_zero), at(50, goal), at(100, here), at(150, of_zero)], [zero]),
+        ([at(0, packet(0, 0xF1) + packet(0, 0)), at(50, goal), at(100, here)], []),
+    ):
+        for cuts in (range(0), range(1, len(chunks))):
+            said = [a.detail for a in found(chunks, "position_error > 1", cuts=cuts)]
+            assert [text.split(": ")[1][: len(one)] for text in said] == who
+
+
 def test_a_goal_that_was_refused_is_none() -> None:
     goal = packet(1, 0xF3, bytes([GOAL, 0x00, 0x0F])) + packet(1, 0x08)
     here = asked(1, POSITION, 0x00, 0x04)

@@ -339,3 +339,13 @@ def test_the_summary_tells_which_servos_an_anomaly_is_about(tmp_path: Path, caps
     assert records(ran.out)[-1]["buses"]["b"]["codes_by_servo"] == {
         "late-response": {"1": 5, "2": 1}
     }
+
+
+@pytest.mark.parametrize(("begins", "is_early"), [("22:50", True), ("22:55:07", False)])
+def test_a_part_that_begins_before_the_capture_says_so(
+    begins: str, is_early: bool, capsys: Capsys
+) -> None:
+    path = CAPTURES / "mightyzap_clean.log"
+    ran = within(capsys, "decode", path, "--from", begins, "--to", "22:55:08", "--summary")
+    assert ran.status == 0
+    assert ("its first byte came after that" in ran.err) == is_early

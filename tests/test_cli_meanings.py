@@ -61,6 +61,7 @@ def test_no_name_can_be_read_as_bytes() -> None:
     [
         (["explain", "no-respnse"], "did you mean no-response"),
         (["explain", "brownuot"], "did you mean brownout"),
+        (["explain", "limp"], "did you mean torque-off?"),
         (["decode", "x", "--protocol", "mightyzp"], "did you mean mightyzap?"),
         (["decode", "x", "--format", "jsn"], "did you mean jsonl?"),
         (["decode", "x", "--model", "wkc"], "did you mean wck?"),

@@ -128,6 +128,14 @@ def test_a_servo_that_warms_with_its_work_is_not() -> None:
     assert not codes(d)
 
 
+def test_how_fast_a_servo_warms_is_not_told_without_a_clock() -> None:
+    """Bytes without times say how much warmer it is, and nothing of how soon."""
+    rows = degrees(*[34 + k // 100 for k in range(2500)])
+    d = diagnosed([Chunk(b"".join(data for _, data in rows))], "mightyzap")
+    assert not d.incidents()
+    assert d.sentence().endswith("seconds count bytes, no pauses")
+
+
 def test_a_temperature_that_jumps_and_comes_back_is_none() -> None:
     said = [(k * 0.2, f"#5QT *5QT{900 if k == 20 else 350}") for k in range(60)]
     d = lss(*said)

@@ -10,7 +10,7 @@ from sniffer.diagnosis.comparing import header_of
 from sniffer.diagnosis.overlaid import of_two
 from sniffer.diagnosis.uart import BITS, both, heard, received, sent
 from sniffer.ground.model import Mark, MarkKind
-from tests.conversations import TONGUES, Conversation, swinging, without_clock
+from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, verdicts
 
 ASKS = {name: [tongue.ask(servo) for servo in (1, 2, 3)] for name, tongue in TONGUES.items()}
@@ -105,3 +105,22 @@ def test_two_at_rest_hold_each_others_stop_bits_low_as_no_clock_does() -> None:
     told = answered_at_once().diagnosed()
     assert "stop-bits-held-low" in codes(told)
     assert verdicts(told.incidents()) == [("duplicate-id", (2,))]
+
+
+def test_what_two_answers_at_once_pull_low_is_no_weak_signal() -> None:
+    """Where one is less than a bit behind, bits fall one way, as the ones before them."""
+    rng = random.Random(3)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.12)
+        bits = sent(talk.tongue.answer(servo, place))
+        if servo == 1:
+            bits = both(bits, sent(talk.tongue.answer(1, 0.5), begin=rng.uniform(0, 1)), min)
+        talk.say(heard(bits))
+        talk.rest(0.2)
+        return True
+
+    talk = robot("rs30x", 8, servos=(1, 2, 3), instead=instead, goals=False)
+    assert verdicts(talk.diagnosed().incidents()) == [("duplicate-id", (1,))]

@@ -10,6 +10,7 @@ import pytest
 from sniffer.diagnosis.followed import followed
 from sniffer.diagnosis.owners import owner
 from sniffer.diagnosis.signs import sign_of
+from sniffer.diagnosis.uart import both, heard, sent
 from sniffer.ground.model import Chunk, Clock
 from sniffer.simulation import Fault, simulate
 from sniffer.simulation.render import usb_reads
@@ -74,6 +75,37 @@ def test_torn_answers_that_come_when_they_are_due_are_their_servos(protocol: str
     one = owner_of(talk)
     assert one is None or (one.servo_id, one.is_proof) == (3, False)
     assert "answers-twice" not in codes(talk.diagnosed())
+
+
+def both_at_once(protocol: str) -> Conversation:
+    """All answers of servo 2 are those of two servos, a part of a bit apart; no cycle is late."""
+    rng = random.Random(5)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.25 + rng.gauss(0, 0.006))
+        answer = talk.tongue.answer(servo, place)
+        if servo == 2:
+            other = sent(talk.tongue.answer(servo, place + 0.001), begin=abs(rng.gauss(0.1, 0.5)))
+            answer = heard(both(sent(answer), other, min))
+            if cycle % 2:  # the first start bit of both is too long for one
+                talk.rest(10 / 57.6)
+                answer = answer[1:]
+        talk.say(answer)
+        talk.rest(0.2)
+        return True
+
+    return robot(protocol, 12, servos=(1, 2, 3), instead=instead, goals=False, baud=57600)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_torn_answers_that_end_as_steadily_behind_their_own_request_are_not_the_servos_before(
+    protocol: str,
+) -> None:
+    """The controller takes no time of its own between both requests, and first bytes hide."""
+    one = owner_of(both_at_once(protocol))
+    assert one is None or one.servo_id == 2
 
 
 def test_two_servos_that_answer_twice_are_two() -> None:

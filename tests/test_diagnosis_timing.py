@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -109,6 +110,41 @@ def test_a_program_that_rests_behind_each_look_at_its_servos_does_not_stall(prot
     assert "loop-stalls" not in codes(talk.diagnosed())
 
 
+def test_a_program_that_asks_until_it_is_there_and_rests_does_not_stall() -> None:
+    """As examples of makers do; where the capture ends, the place is no other one."""
+    rng = random.Random(3)
+    talk = Conversation("mightyzap")
+    for move in range(8):
+        talk.send(1, move / 10)
+        talk.rest(50)
+        for step in range(steps := rng.randint(60, 400)):
+            place = (move + step / steps) / 10
+            talk.write(bytes.fromhex("FFFFFF0104F2960171"))
+            talk.say(bytes.fromhex("FFFFFF01030001FA"))
+            talk.read(1, place)
+            talk.rest(4)
+        talk.rest(200)
+        talk.read(1, place)
+        talk.rest(rng.uniform(1000, 5000) if move < 7 else 0)
+    assert not talk.diagnosed().incidents()
+
+
+def test_a_program_that_tells_all_it_knows_between_its_moves_does_not_stall() -> None:
+    talk = Conversation("lss")
+    for move in range(7):
+        for servo in (1, 2, 3):
+            talk.read(servo, move / 10)
+            talk.write(f"#{servo}QV\r".encode())
+            talk.say(f"*{servo}QV12000\r".encode())
+            talk.rest(1)
+        for step in range(40):
+            for servo in (1, 2, 3):
+                talk.read(servo, (move + step / 40) / 10)
+            talk.rest(40)
+        talk.rest(700)
+    assert not talk.diagnosed().incidents()
+
+
 def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
     talk = stalling("mightyzap")
     late = [
@@ -118,6 +154,21 @@ def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
         for before, chunk in itertools.pairwise([talk.chunks[0], *talk.chunks])
     ]
     assert "loop-stalls" not in codes(talk.diagnosed(late))
+
+
+def test_goals_that_come_while_a_person_moves_a_slider_are_no_uneven_loop() -> None:
+    rng = random.Random(2)
+    talk, place, moved = Conversation("lss"), 0.0, itertools.count()
+    for _ in range(12):
+        for _ in range(rng.randint(20, 80)):
+            place = 0.5 + 0.4 * math.sin(next(moved) / 40)
+            talk.send(1, place)
+            talk.rest(rng.uniform(15, 45))
+        for _ in range(rng.randint(5, 20)):
+            for servo in (1, 2, 3):
+                talk.read(servo, place)
+            talk.rest(250)
+    assert not talk.diagnosed().incidents()
 
 
 def trembling(protocol: str, part: float, baud: int = BAUD, *, in_turn: int = 1) -> Conversation:

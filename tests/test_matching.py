@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from sniffer.decoding import matching
+from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.matching import match, outcomes
 from sniffer.decoding.reference.pending import matched
 from sniffer.ground.codes import MANY, MUST, NEVER, REQUEST, RESPONSE, UNSOLICITED
 from sniffer.ground.model import ANY_ID, NO_ALT, Frames
 from sniffer.protocols.base import SlowFrame
 from tests.lists import in_turn
+from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -150,3 +152,27 @@ def test_answers_claimed_by_requests_before_the_rows_leave_the_others_as_they_ar
             want = np.where(want >= 0, want - cut, np.where(want < -1, want + cut, want))
             assert got.tolist() == want.tolist(), (case, cut)
     assert spanned > 100
+
+
+@pytest.mark.parametrize(
+    ("said", "pairs"),
+    [
+        # 0 names any; negative: an answer of that servo
+        ((0, 1, -1, -1), {2: 1, 3: -1}),
+        ((0, -1, 1, -1), {1: 0, 3: 2}),
+        ((1, 0, -1, -1), {2: 0, 3: 1}),
+        ((0, 1, 2, -1, -2), {3: 1, 4: 2}),
+        ((0, 1, -2, -1), {2: 0, 3: 1}),
+    ],
+)
+def test_a_servo_that_was_asked_by_name_does_not_answer_for_any(
+    said: tuple[int, ...], pairs: dict[int, int]
+) -> None:
+    wires = [packet(-who, 0) if who < 0 else packet(who, 0xF1) for who in said]
+    decoder = Decoder("mightyzap")
+    batches = decoder.feed(b"".join(wires)), decoder.close()
+    found: dict[int, int] = {}
+    for batch in batches:
+        t = batch.transactions
+        found |= dict(zip(t.response.tolist(), t.request.tolist(), strict=True))
+    assert {answer: found[answer] for answer in pairs} == pairs

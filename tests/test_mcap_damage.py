@@ -18,7 +18,7 @@ from mcap_protobuf.schema import register_schema
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, InputError
 from sniffer.mcapfile.recover import recover
 from sniffer.mcapfile.sink import McapSink
-from sniffer.mcapfile.source import chunks, recorded, session
+from sniffer.mcapfile.source import chunks, groups, recorded, session
 from sniffer.messages.recording_pb2 import RawChunk
 from tests.lists import thinned, walks_a_list
 from tests.recordings import START_NS, heads, keep, messages, read, record, talk
@@ -295,3 +295,17 @@ def test_a_recorder_that_is_killed_loses_no_more_than_a_tenth_of_a_second(tmp_pa
     assert isinstance(error, DamagedInputError)
     assert 0 < must <= sum(len(c.data) for c in kept) <= total
     assert recover(path, path).messages > 0
+
+
+def test_a_recording_that_grows_while_it_is_read_is_not_called_cut(
+    whole: tuple[bytes, list[Chunk]], tmp_path: Path
+) -> None:
+    data, _ = whole
+    path = tmp_path / "run.mcap"
+    path.write_bytes(data[: len(data) // 2])
+    coming = groups(path, hasty=True)
+    next(coming)
+    with path.open("ab") as file:
+        file.write(data[len(data) // 2 : -len(data) // 4])
+    with pytest.raises(DamagedInputError, match="it is being written"):
+        list(coming)

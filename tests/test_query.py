@@ -180,6 +180,8 @@ def test_a_query_reaches_nothing_but_the_tables(query: Asking, sql: str, tmp_pat
         ("SELECT xx FROM frames", 'column "xx" not found'),
         ("SELCT 1", 'syntax error at or near "SELCT"'),
         ("SELECT cast('x' AS INT)", "Could not convert"),
+        ("SELECT op, offset FROM frames", 'the column is written "offset"'),
+        ("SELECT group, count(*) FROM anomalies GROUP BY 1", 'the column is written "group"'),
     ],
 )
 def test_a_mistake_in_a_query_is_a_line(query: Asking, sql: str, said: str) -> None:

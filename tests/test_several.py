@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
+from sniffer.simulation.captures import SampleCapture
+from sniffer.sources.several import ONE_BY_ONE
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -57,7 +59,7 @@ def test_the_recordings_of_parts_are_one_recording(tmp_path: Path, capsys: Capsy
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("copy.log", "begins before the one in front of it has ended: decode them one by one"),
+        ("copy.log", "begins before the one in front of it has ended: " + ONE_BY_ONE),
         ("part0.log", "part0.log is named twice"),
         ("nix.log", "nix.log: there is no such file"),
     ],
@@ -70,6 +72,24 @@ def test_what_is_no_row_of_inputs_is_told_in_one_line(
     ran = within(capsys, "decode", first, tmp_path / name, "--quiet")
     assert ran.status == 2
     assert ran.err.splitlines()[-1].endswith(complaint)
+
+
+def test_inputs_of_several_buses_that_overlap_in_time_are_told_in_the_order_of_time(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """Two recorders of one run: the same as the capture that ``merge`` makes of them."""
+    files = []
+    for bus, protocol, seconds in (("arm", "mightyzap", 2.0), ("leg", "lss", 1.0)):
+        capture = SampleCapture("", protocol, 1, seconds, "frames")
+        files.append(tmp_path / f"{bus}.log")
+        files[-1].write_bytes(
+            capture.render(capture.frames()).replace(b" bus0 ", f" {bus} ".encode())
+        )
+    both = tmp_path / "both.log"
+    assert within(capsys, "merge", *files, "-o", both).status == 0
+    shown = [within(capsys, "decode", *named).out for named in (files, files[::-1], [both])]
+    assert shown[0].count("arm") > 100 < shown[0].count("leg")
+    assert shown[0] == shown[1] == shown[2]
 
 
 def test_no_input_is_replaced_by_an_output(tmp_path: Path, capsys: Capsys) -> None:

@@ -218,6 +218,38 @@ def lss_pick(bus: Any, ids: Sequence[int]) -> Steps:
         yield Sleep(0.8)
 
 
+def lss_there(bus: Any, ids: Sequence[int]) -> Steps:
+    """Go there: the goal is said again before each look until the joint is there; then a rest."""
+    rng = random.Random(23)
+    while True:
+        for i in ids:
+            there = rng.randint(-700, 700)
+            yield Ask(lss(i, "QD"), 0.1)
+            yield Sleep(0.1)
+            for _ in range(400):
+                yield Ask(lss(i, "D", there), 0)
+                yield Sleep(0.01)
+                r = yield Ask(lss(i, "QD"), 0.1)
+                if r is not None and abs(int(r.split(b"QD")[1]) - there) < 5:
+                    break
+            yield Sleep(1.5)
+
+
+def lss_slider(bus: Any, ids: Sequence[int]) -> Steps:
+    """A window with sliders: goals while a person moves one, else four looks a second."""
+    rng, at = random.Random(29), dict.fromkeys(ids, 0)
+    while True:
+        i, there = rng.choice(ids), rng.randint(-800, 800)
+        while abs(there - at[i]) > 15:
+            at[i] += 15 if there > at[i] else -15
+            yield Ask(lss(i, "D", at[i]), 0)
+            yield Sleep(rng.uniform(0.015, 0.045))
+        for _ in range(rng.randint(4, 16)):
+            for k in ids:
+                yield Ask(lss(k, "QD"), 0.05)
+            yield Sleep(0.25)
+
+
 # ---- wCK
 def wck_moves(bus: Any, ids: Sequence[int], hz: float = 30) -> Steps:
     """Position commands, servo by servo, each of which is answered: the usual simple program."""
@@ -337,7 +369,14 @@ SCRIPTS: dict[str, dict[str, Callable[..., Steps]]] = {
         "states": mz_states,
         "staged": mz_staged,
     },
-    "lss": {"many": lss_many, "burst": lss_burst, "teach": lss_teach, "pick": lss_pick},
+    "lss": {
+        "many": lss_many,
+        "burst": lss_burst,
+        "teach": lss_teach,
+        "pick": lss_pick,
+        "there": lss_there,
+        "slider": lss_slider,
+    },
     "wck": {"moves": wck_moves, "scenes": wck_scenes, "teach": wck_teach, "rover": wck_rover},
     "rs": {"sync": rs_sync, "script": rs_script, "acked": rs_acked},
 }

@@ -221,6 +221,8 @@ LINE: Final = (
     # duplicate-id
     Case("twin-mz-factory", "mz", "walk", (0, 1, 2), "duplicate-id", (0,), (Twin(0, 0.0),)),
     Case("twin-mz-apart", "mz", "states", (1, 2, 3), "duplicate-id", (2,), (Twin(2, 0.002),)),
+    Case("twin-mz-at-once", "mz", "fast", (3, 7, 8), "duplicate-id", (7,), (Twin(7, 0.000004),)),
+    Case("twin-rs-at-once", "rs", "acked", (1, 2, 3), "duplicate-id", (1,), (Twin(1, 0.000004),)),
     Case("twin-lss", "lss", "many", (5, 11), "duplicate-id", (5,), (Twin(5, 0.00002),)),
     Case(
         "twin-rs-since",

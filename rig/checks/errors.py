@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -17,8 +18,11 @@ ORDERS: Final = (
     *("error B 00", "data 41", "error B 5152", "data 61", "error O 7172", "data 81"),
 )
 HEARD: Final = bytes.fromhex("010203ff04 1112ff13 21 2223 31 00 41 5152 61 7172 81")
-FIRST: Final = "FRAMING(0,4,1)"
-"""The packet of four with one framing error."""
+FIRST: Final = re.compile(r"FRAMING\(0,(\d+),1\)")
+"""The packet of four with one framing error: one error, among the bytes of the read that brought
+it. How many packets a read brings depends on how busy the machine is."""
+
+PACKET: Final = 4
 
 
 class Seen(NamedTuple):
@@ -76,7 +80,9 @@ def _listen(rig: Machine, report: Report, kind: str, name: str) -> None:
     if expected.keeps:
         report.check(heard == HEARD, f"{kind}: all bytes as they were")
     if kind == "ftdi":
-        report.check(marks[:1] == [FIRST], f"{kind}: one error in a packet of four is {marks[0]}")
+        first = FIRST.fullmatch(marks[0]) if marks else None
+        is_one = first is not None and int(first[1]) >= PACKET
+        report.check(is_one, f"{kind}: one error in a packet of four is {marks[:1]}")
     sent = rig.sh(f"grep -a SENT /tmp/{kind}.log")
     report.check(not sent, f"{kind}: nothing sent {sent}")
 

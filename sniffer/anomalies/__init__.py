@@ -17,6 +17,7 @@ from sniffer.anomalies.device import DeviceRules
 from sniffer.anomalies.doubled import DoubledAnswers
 from sniffer.anomalies.found import Anomalies
 from sniffer.anomalies.hearing import Hearing
+from sniffer.anomalies.losses import TapLosses
 from sniffer.anomalies.models import ModelRules
 from sniffer.anomalies.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.anomalies.tap import TORN_OFF, TapRules, without_our_fault
@@ -53,7 +54,10 @@ class AnomalyRules(Remembering):
     what concerns the wire is told here.
     """
 
-    PARTS = ("_pairing", "_device", "_models", "_alarms", "_wire", "_doubled", "_hearing")
+    PARTS = (
+        *("_pairing", "_device", "_models", "_alarms", "_wire", "_doubled", "_losses"),
+        "_hearing",
+    )
 
     def __init__(
         self, protocol: BusProtocol, *, alarms: Sequence[Alarm] = (), is_alone: bool = True
@@ -65,10 +69,22 @@ class AnomalyRules(Remembering):
         self._alarms = AlarmRules(protocol, alarms)
         self._wire = WireRules() if is_alone else None
         self._doubled = DoubledAnswers(protocol)
+        self._losses = TapLosses(protocol.reach)
         self._hearing = Hearing()
 
-    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
-        """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
+    def judge(
+        self,
+        batch: Batch,
+        meaning: Meaning | None = None,
+        losses: Sequence[tuple[int, int]] = (),
+    ) -> Batch:
+        """Return the batch with its anomalies.
+
+        Args:
+            batch: what was decided.
+            meaning: what was learned about the servos.
+            losses: from where to where the tap lost bytes, as far as that is news.
+        """
         few = [
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *(self._wire.judge(batch) if self._wire is not None else ()),
@@ -85,6 +101,7 @@ class AnomalyRules(Remembering):
         )
         found = _without_repeats(found)
         found = self._doubled.judge(batch, found)
+        found = self._losses.without(batch, found, losses)
         if batch.cut is not None or any(r.kind in TORN_OFF for r in batch.remarks):
             tail_ns = self._protocol.tail_ns
             found = Anomalies.of(without_our_fault(batch, list(found), tail_ns))

@@ -145,14 +145,10 @@ class TapRules(Remembering):
             yield Anomaly(r.t_ns, severity, group, code, None, text, (at,))
 
 
-_OPEN: Final = frozenset(
+OPEN_ENDED: Final = frozenset(
     {"no-response", "damaged-response", "idle-tail", "truncated-frame", "damaged-frame", "noise"}
 )
 """Codes that say no more than that the tap was stopped, where they stand at its very end."""
-
-
-_OURS: Final = _OPEN | {"late-response", "mismatched-response", "unsolicited-response"}
-"""Codes that what the tap lost explains, where bytes are known to be missing."""
 
 
 TORN_OFF: Final = frozenset({MarkKind.SKIPPED, MarkKind.LOST})
@@ -171,8 +167,6 @@ def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[
         ):
             begins = _open_before(batch, r.start)
             found = [a for a in found if not _is_open(a, begins, r.start)]
-        elif r.kind == MarkKind.OVERRUN:
-            found = [a for a in found if not (a.code in _OURS and _lies_in(a, r.start, r.end))]
     if batch.cut is None:
         return found
     cut = [a for a in found if _is_cut(a, batch, batch.cut)]
@@ -189,7 +183,7 @@ def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[
 def _is_cut(anomaly: Anomaly, batch: Batch, cut: Cut) -> bool:
     """Tell whether an anomaly says no more than that the capture ends here."""
     start, length = min(anomaly.evidence)
-    if anomaly.code not in _OPEN:
+    if anomaly.code not in OPEN_ENDED:
         return False
     if anomaly.code not in ("no-response", "damaged-response"):
         return start >= cut.torn
@@ -220,11 +214,7 @@ def _open_before(batch: Batch, place: int) -> int:
 
 
 def _is_open(anomaly: Anomaly, begins: int, end: int) -> bool:
-    return anomaly.code in _OPEN and begins <= min(anomaly.evidence)[0] < end
-
-
-def _lies_in(anomaly: Anomaly, begins: int, end: int) -> bool:
-    return begins <= min(anomaly.evidence)[0] < end
+    return anomaly.code in OPEN_ENDED and begins <= min(anomaly.evidence)[0] < end
 
 
 def _times(remark: Remark) -> int:

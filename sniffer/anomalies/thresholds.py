@@ -16,10 +16,12 @@ import numpy as np
 
 from sniffer.anomalies.alarms import OPERATORS, meant
 from sniffer.anomalies.rules import anomaly
+from sniffer.anomalies.zero import ZeroId
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NS
+from sniffer.protocols.base import shared_ids
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -60,6 +62,7 @@ class ThresholdWatch(Remembering):
     """What a rule is judged by, batch after batch; goals are carried along."""
 
     LASTING = ("_goal", "_goal_of_all")
+    PARTS = ("_zero",)
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
         self._servo = alarm.servo_id
@@ -67,7 +70,8 @@ class ThresholdWatch(Remembering):
         self._goals = _rows(what.goals, protocol)
         self._others = _rows(what.others, protocol)
         self._is_distance = bool(what.goals)
-        self._everyone = protocol.everyone
+        self._shared = shared_ids(protocol)
+        self._zero = ZeroId(protocol)
         self._goal: dict[int, float] = {}
         self._goal_of_all = np.nan
 
@@ -88,13 +92,14 @@ class ThresholdWatch(Remembering):
         rows = np.flatnonzero(usable & about[v.register])
         kept: list[int] = []
         apart: list[float] = []
-        columns = (v.register[rows], v.servo_id[rows], v.value[rows])
-        for row, register, who, value in zip(
+        columns = (v.register[rows], v.servo_id[rows], v.value[rows], v.row[rows])
+        zero_until = self._zero.until(batch.frames)
+        for row, register, who, value, frame in zip(
             rows.tolist(), *(column.tolist() for column in columns), strict=True
         ):
             if not self._measured[register]:
                 goal = value if self._goals[register] else np.nan
-                if who in self._everyone:
+                if who in self._shared or (who == 0 and frame < zero_until):
                     self._goal.clear()
                     self._goal_of_all = goal
                 else:
@@ -195,7 +200,7 @@ class AlarmRules(Remembering):
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report which rules begin to be met, and which no longer are."""
-        if not self._rules or not len(batch.values):
+        if not self._rules:
             return
         told = usable(batch)
         for rule in self._rules:

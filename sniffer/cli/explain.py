@@ -135,7 +135,7 @@ def _is_name(text: str) -> bool:
 
 def _tell_meaning(text: str) -> int:
     name = text.lower()
-    from sniffer.jobs.meanings import PAGES, known_names, meanings
+    from sniffer.jobs.meanings import PAGES, known_names, meanings, speaking_of
 
     found = meanings(name)
     if not found:
@@ -143,7 +143,7 @@ def _tell_meaning(text: str) -> int:
         import difflib
 
         pages = f"see {', '.join(PAGES.values())}"
-        near = difflib.get_close_matches(name, known_names(), 3)
+        near = speaking_of(name)[:3] or difflib.get_close_matches(name, known_names(), 3)
         advice = f"did you mean {' or '.join(near)}?" if near else pages
         raise click.UsageError(
             f"{name[:60]!r} is no code and no cause ({advice}), and no bytes: "

@@ -350,7 +350,7 @@ class Decoder(Remembering):
             values=meaning.samples,
             models=self._scaling.models(paired.frames),
         )
-        return self._anomaly_rules.judge(batch, meaning)
+        return self._anomaly_rules.judge(batch, meaning, self._remarks.take_losses())
 
     def _cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> tuple[int, int]:
         """Return where this batch ends, and how many frames that are: nothing before it is open."""

@@ -284,6 +284,7 @@ class _Rows:
         wild = directed & (f.alt_id != NO_ALT) | answers & (token == -1)
         back = np.flatnonzero(f.kind == RESPONSE)
         sent = np.flatnonzero(directed)
+        named = np.flatnonzero(directed & (f.alt_id == NO_ALT))
         every = np.flatnonzero((f.kind == REQUEST) & (f.reply == MANY))
         told: list[tuple[int, int, int]] = []
         for row in np.flatnonzero(wild).tolist():
@@ -294,6 +295,8 @@ class _Rows:
                 r = back[first:last]
                 q = np.full(len(r), row)
                 r = r[self.open(count, q, r) & self.fits(q, r)]
+                if f.alt_id[row] == ANY_ID:
+                    r = r[~self._own(named, row, r)]
                 told += [(row, int(servo[r[0]]), int(token[row]))] if len(r) else []
                 continue
             last = int(np.searchsorted(sent, row))
@@ -305,6 +308,18 @@ class _Rows:
             told += [(row, int(servo[row]), int(f.token[q[-1]]))] if len(q) else []
         for row, who, what in told:
             counts[row], servo[row], token[row] = True, who, what
+
+    def _own(self, named: I64, row: int, answers: I64) -> Mask:
+        """Tell which answers come from a servo that was asked by name behind a row that asks any.
+
+        Then it is that request's: an answer to the one before would have come before it.
+        """
+        first = int(np.searchsorted(named, row))
+        out = np.zeros(len(answers), bool)
+        for k, answer in enumerate(answers.tolist()):
+            q = named[first : int(np.searchsorted(named, answer))]
+            out[k] = bool(self.fits(q, np.full(len(q), answer)).any())
+        return out
 
     def left_over(self, left: I64, partner: I64) -> None:
         """Settle the answers that no request to their servo is open for."""

@@ -1,4 +1,4 @@
-"""Whether cycles of different lengths are a program's plan: what speaks against an uneven loop."""
+"""Whether cycles of different lengths and rests are a program's plan: no uneven loop, no stall."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.exchanges import Pause
     from sniffer.ground.model import I64
 
 EDGE: Final = 0.05
@@ -40,12 +43,23 @@ NEAR: Final = 4
 STEADY: Final = 0.6
 """How much less uneven than all cycles those beside each other are where each phase is steady."""
 
+RUNS: Final = 0.4
+"""Part of a capture that a loop's cycles fill, if it is one; those that are late at random fill two
+thirds. Goals that come while a person moves a slider are no cycles."""
+
 KEPT_WAITING: Final = 0.5
 """Part of the late cycles that begin right behind another job of the program: it was busy."""
 
 BEGINS: Final = 0.25
 """Part of the cycles in time that begin behind a rest where a request begins a job: on a line that
 is nearly full the other cycles stand right behind another job, too."""
+
+ITS_STEP: Final = 0.5
+"""Share of the times something is said that a rest stands there: there a program has done what it
+had to do, or begins something else. What stops a loop takes no heed of where the program is."""
+
+TWICE: Final = 2
+"""A place in a program is one where it rests so many times."""
 
 
 def lumps(bins: I64) -> float:
@@ -91,6 +105,11 @@ def cycle_of(case: Case, key: int, edge: float) -> tuple[int, int, int, int, int
     wider = (1 - 2 * EDGE) / (1 - 2 * edge)
     spread = max(round(2 * side * wider) - 2 * case.latency_ns, 0)
     return spread, middle.high, low.high, high.low, periods.count(key)
+
+
+def is_in_bursts(case: Case, count: int, middle_ns: int) -> bool:
+    """Tell whether cycles, so many of such a length, come only now and then: by hand, as a rule."""
+    return count * middle_ns < RUNS * (case.last_ns - case.first_ns)
 
 
 def is_steady_for_a_while(case: Case) -> bool:
@@ -146,3 +165,30 @@ def _is_kept_waiting(case: Case, slower_ns: int) -> bool:
             if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
                 return True
     return False
+
+
+def steps(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, stand between two steps of a program.
+
+    What is said before it, around it or behind it, two requests at a time, is mostly said at a
+    rest: who sends a servo somewhere and asks until it is there rests then, and begins anew.
+    """
+    found: set[int] = set()
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        pair = (kind[:-1] + 1) * (int(kind.max(initial=0)) + 2) + kind[1:] + 1
+        code, row, total = np.unique(pair, return_inverse=True, return_counts=True)
+        begins = np.searchsorted(t, [p.t_ns for p in rests])
+        place = {
+            int(i) - 1: p.at
+            for i, p in zip(begins, rests, strict=True)
+            if 0 < i < len(kind) and (kind[i - 1], kind[i]) == (p.kind, p.next_kind)
+        }
+        # Where nothing but one request stands behind a pause, nothing goes on.
+        found.update(at for i, at in place.items() if i == len(pair) - 1)
+        for beside in (-1, 0, 1):
+            told = [(i + beside, at) for i, at in place.items() if 0 <= i + beside < len(row)]
+            held = row[np.array([i for i, _ in told], np.int64)]
+            times = np.bincount(held, minlength=len(code))
+            its = (times >= TWICE) & (times >= ITS_STEP * total)
+            found.update(at for (_, at), k in zip(told, held, strict=True) if its[k])
+    return found

@@ -120,7 +120,9 @@ class Diagnosis:
             over = (
                 f"over {judged['seconds']:g} s, stamps good to {good_ns / NS * 1e3:.3g} ms"
                 if judged["seconds"] is not None
-                else "without a clock, so nothing was judged by time"
+                # a second of bytes is any time on the wire
+                else "without a clock, so nothing was judged by time: "
+                "seconds count bytes, no pauses"
             )
             plural = "" if servos == 1 else "s"
             parts.append(

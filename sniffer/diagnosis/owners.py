@@ -136,11 +136,12 @@ def _owner(case: Case) -> Owner | None:
     if max(grid, steadiest_ns(case)) > SPANS_NS[-1]:
         return None  # so does one that stamps them by the millisecond, or when it has time
     traces = _traces(case)
-    found = []
+    found, most = [], {}
     for servo in case.servos:
         mine = [t for t in traces if t.named in (-1, servo)]
         by_begin, by_end = (_steadiest(servo, mine, grid, is_by_end=e) for e in (False, True))
         better = max(by_begin, by_end, key=lambda o: o.score)
+        most[servo] = better.score
         own = sum(t.own_id == servo for t in better.traces)
         if 2 * own > len(better.traces):
             # its own answer, over which another's lies, begins or ends as steadily: both must
@@ -151,7 +152,8 @@ def _owner(case: Case) -> Owner | None:
         return None
     if is_anothers(case, (t.at for t in found[0].traces), found[0].servo_id):
         return None
-    lead = found[0].score - (found[1].score if len(found) > 1 else 0.0)
+    # Torn answers that come as steadily at one end are those of who was asked, as far as one knows.
+    lead = found[0].score - max((most[o.servo_id] for o in found[1:]), default=0.0)
     return found[0]._replace(lead=lead) if lead >= LEAD else None
 
 

@@ -27,10 +27,11 @@ OF_STAMPS: Final = frozenset({MarkKind.SENT, MarkKind.COARSE})
 class Remarks(Remembering):
     """The marks of chunks that are still in the buffer, at their places in the stream."""
 
-    PASSING = ("_waiting",)
+    PASSING = ("_waiting", "_losses")
 
     def __init__(self) -> None:
         self._waiting: list[Remark] = []
+        self._losses: list[tuple[int, int]] = []
 
     def add(self, chunks: Sequence[Chunk], at: int, now_ns: int) -> list[int]:
         """Take the marks of chunks whose first byte stands at offset ``at``.
@@ -46,6 +47,9 @@ class Remarks(Remembering):
                 self._waiting.append(Remark(m.kind, at + m.start, m.length, m.count, now_ns))
                 if m.kind in TEARS:
                     torn.append(at + m.start)
+                # one that is counted when all its bytes are past comes too late to explain them
+                if m.kind == MarkKind.OVERRUN and m.start + m.length > 0:
+                    self._losses.append((at + m.start, at + m.start + m.length))
             at += len(chunk.data)
         return torn
 
@@ -56,6 +60,11 @@ class Remarks(Remembering):
         due = tuple(r for r in self._waiting if r.end <= offset)
         self._waiting = [r for r in self._waiting if r.end > offset]
         return due
+
+    def take_losses(self) -> list[tuple[int, int]]:
+        """Return, once, from where to where the tap is known to have lost bytes."""
+        losses, self._losses = self._losses, []
+        return losses
 
     @property
     def doubts(self) -> list[Remark]:

@@ -217,7 +217,7 @@ def figures_text(figures: ShownFigures) -> Text:
     several = max(map(cell_len, buses), default=0) if len(buses) > 1 else 0
     title = f"{set_cell_size('bus', max(several, 3))}  " if several else ""
     room = max((cell_len(s.who) for s in figures.servos if " " in s.who), default=5)
-    out.append(f"{title}{'servo':{room}}  asked    answers  missing  median    worst\n", "bold")
+    out.append(f"{title}{'servo':{room}}  requests answers  missing  median    worst\n", "bold")
     for s in figures.servos:
         who = set_cell_size(plain(s.who), room) if room > len("servo") else f"{s.who:>5}"
         if several:

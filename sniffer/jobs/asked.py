@@ -111,7 +111,11 @@ class Extract:
 
         def ends(first_ns: int | None) -> tuple[int | None, int | None]:
             start, stop = self.ends(first_ns)
-            tell.talk(f"a part of it: {self}")
+            begin = self.start
+            dated = begin is not None and begin.kind in (OF_DAY, MOMENT) and not begin.sought
+            early = dated and start is not None and first_ns is not None and start < first_ns
+            behind = "; its first byte came after that: nothing in front is left out"
+            tell.talk(f"a part of it: {self}{behind if early else ''}")
             for sink in told:
                 sink.narrow({"part": str(self), "from_ns": start, "to_ns": stop})
             return start, stop

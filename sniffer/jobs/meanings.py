@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -42,6 +43,12 @@ class Explanation:
 def known_names() -> list[str]:
     """Return all names that have a meaning, each once."""
     return [*dict.fromkeys((*CATALOGUE, *FINDINGS, *CAUSES))]
+
+
+def speaking_of(word: str) -> list[str]:
+    """Return the causes whose title or meaning has a word: a fault may be called otherwise."""
+    whole = re.compile(rf"\b{re.escape(word)}\b", re.IGNORECASE)
+    return [n for n, c in CAUSES.items() if whole.search(f"{c.title}. {c.means}")]
 
 
 def meanings(name: str) -> list[Explanation]:

@@ -57,6 +57,9 @@ ZONED: Final = "TIMESTAMP WITH TIME ZONE"
 
 _NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
 
+_BARE: Final = re.compile(r"(?<![\"'\w])(offset\b(?!\s*\d)|group\b(?!\s+by\b))(?![\"'])", re.I)
+"""A column that SQL takes for a word of its own, as it is not in quotes."""
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -115,7 +118,7 @@ def query(
 
     from sniffer.sinks.relations import RELATIONS, RelationSink
 
-    with _told():
+    with _told(sql):
         connection = duckdb.connect(":memory:", config=dict(_LOCKED))
         statements = connection.extract_statements(sql)
         kinds = {statement.type.name for statement in statements}
@@ -150,7 +153,7 @@ def query(
         heard.append(sink.tables())
         if endings[-1] == Ending.INTERRUPTED:
             break
-    with _told():
+    with _told(sql):
         for name in heard[0]:
             # one capture may know names of servos, another not
             both = pa.concat_tables([each[name] for each in heard], promote_options="default")
@@ -177,7 +180,7 @@ def _without_zones(sql: str, types: Sequence[str]) -> str:
 
 
 @contextlib.contextmanager
-def _told() -> Iterator[None]:
+def _told(sql: str = "") -> Iterator[None]:
     """Tell what DuckDB complains of in a line."""
     import duckdb
 
@@ -190,4 +193,7 @@ def _told() -> Iterator[None]:
             from sniffer.sinks.relations import no_relation
 
             raise InputError(no_relation(unknown[1])) from None
-        raise InputError(f"the query: {' '.join(text.split())}") from None
+        hint = ""
+        if isinstance(error, duckdb.ParserException) and (bare := _BARE.search(sql)):
+            hint = f'; {bare[0]} is a word of SQL: the column is written "{bare[0].lower()}"'
+        raise InputError(f"the query: {' '.join(text.split())}{hint}") from None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.options import Options
 from sniffer.ground.model import SnifferError
@@ -23,6 +23,13 @@ if TYPE_CHECKING:
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
+
+
+_BY_ANSWER: Final = frozenset(
+    ("outcome", "response_time_ns", "uncertainty_ns", "response_offset", "status")
+)
+"""Columns that say what came of a request: of what they select, shares of missing answers say
+nothing of the bus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +84,8 @@ def stats(
     options = options or Options()
     if every_ns is not None and every_ns < FINEST_NS:
         raise SnifferError(Sentence("{every_ns} of less than 10 ms: a frame may take half of that"))
-    told = Statistics(options.alarms, every_ns=every_ns)
+    by_answer = selection is not None and not _BY_ANSWER.isdisjoint(selection.columns)
+    told = Statistics(options.alarms, every_ns=every_ns, by_answer=by_answer)
     done = hear_part(
         source,
         told,

@@ -320,6 +320,9 @@ def _decoded(message: type[_Message], data: bytes) -> _Message:
 def _damage(
     name: str, records: Records, size: int | None, broken: BrokenError
 ) -> DamagedInputError:
+    if size is not None and records.position > size:  # more than it had when it was opened
+        told = f"it is being written, {records.position} bytes read"
+        return DamagedInputError(f"{name}: {told}; `sniffer open --follow` reads on")
     of = "" if size is None else f" of {size}"
     return DamagedInputError(f"{name}: cut recording, {records.position}{of} bytes read ({broken})")
 

@@ -61,6 +61,9 @@ RECORDING: Final = ".mcap"
 BYTES: Final = (".log", ".bin", ".hex")
 """Suffixes of files that hold the bytes themselves (``raw``)."""
 
+_CANDUMP: Final = ".candump"
+"""What people call a ``.log`` who know where its form is from."""
+
 _NEEDS: Final = MappingProxyType(
     {".csv": need_pyarrow, ".parquet": need_pyarrow, ".rrd": need_rerun}
 )
@@ -76,6 +79,8 @@ def suffix_known(path: Path, *, raw: bool = False) -> str:
     suffix = path.suffix.lower()
     known = (*SINKS, *BYTES) if raw else tuple(SINKS)
     if suffix not in known:
+        if raw and suffix == _CANDUMP:
+            raise OutputError(f"{path}: lines as candump -L writes them are a .log")
         raise OutputError(f"{path}: the suffix must be {offered(suffix, known)}")
     if suffix in _NEEDS:
         _NEEDS[suffix]()

@@ -125,7 +125,12 @@ def _tables(
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
         ),
-        ("answers that are missing, worst first", _missing(bus, many=many)),
+        (
+            "answers that are missing, worst first"
+            if any(c["missing_interval"] for c in bus["commands"])
+            else "answers that are missing, most first (selected by what came of them: no share)",
+            _missing(bus, many=many),
+        ),
         (
             "when each servo was heard, silent longest first"
             if tables is None
@@ -210,18 +215,25 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     worst = [c for c in asked if c["failed"] or c["retries"]]
     if not asked:
         return None
-    table = Tabulated(
-        "servo", "command", "asked", "missing", "share", "95 % sure", left=left_of(bus, "command")
-    )
+    shared = any(c["missing_interval"] for c in asked)
+    columns = ("asked", "missing", *(("share", "95 % sure") if shared else ()))
+    table = Tabulated("servo", "command", *columns, left=left_of(bus, "command"))
     for column in ("failed", "retries"):
         table.add_column(column)
-    for c in sorted(worst, key=lambda c: (-c["missing_interval"][0], -c["failed"])):
-        low, high = c["missing_interval"]
-        told = f"{100 * low:.2g}-{percent(high)}"
-        counts = str(c["asked"]), str(c["missing"]), percent(c["missing_share"]), told
+
+    def rank(c: Mapping[str, Any]) -> tuple[float, int]:
+        return -(c["missing_interval"][0] if shared else c["missing"]), -c["failed"]
+
+    for c in sorted(worst, key=rank):
+        counts = [str(c["asked"]), str(c["missing"])]
+        if shared:
+            low, high = c["missing_interval"]
+            counts += [percent(c["missing_share"]), f"{100 * low:.2g}-{percent(high)}"]
         table.add_row(
             who_of(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
         )
+    if not shared:
+        return table if worst else None
     sound = len(asked) - len(worst)
     if sound:
         from sniffer.statistics.commands import wilson

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.limits import TIME_LEAST_NS
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources import open_source
 from sniffer.sources.source import Source
@@ -21,13 +24,19 @@ _AGREED = ("protocol.", "baud.", "model")
 
 
 class SeveralSources(Source):
-    """Inputs read one behind the other, in the order of their first times.
+    """Inputs read in the order of their times; without times one behind the other.
 
-    Where one is damaged, what comes of the others is read all the same; it is told at the end.
+    Inputs that overlap in time are read side by side, if they are of different buses. Where one is
+    damaged, what comes of the others is read all the same; it is told at the end.
     """
 
     def __init__(self, parts: Sequence[Source]) -> None:
-        self._parts = sorted(parts, key=_first) if all(map(_has_times, parts)) else list(parts)
+        firsts = [_first(part) for part in parts]
+        begins = [
+            (part, t_ns) for part, t_ns in zip(parts, firsts, strict=True) if t_ns is not None
+        ]
+        self._begins = sorted(begins, key=_begin) if len(begins) == len(parts) else []
+        self._parts = [part for part, _ in self._begins] or list(parts)
         formats = {part.format for part in parts}
         form = formats.pop() if len(formats) == 1 else "several"
         super().__init__(f"{self._parts[0].name} and {len(parts) - 1} more", form)
@@ -35,7 +44,7 @@ class SeveralSources(Source):
     @property
     def label(self) -> str:
         """What kind of input it is, in words."""
-        return f"{len(self._parts)} inputs, one behind the other"
+        return f"{len(self._parts)} inputs as one"
 
     @property
     def is_mixed(self) -> bool:
@@ -55,19 +64,37 @@ class SeveralSources(Source):
     def __iter__(self) -> Iterator[Sequence[Chunk]]:
         self.notes.clear()
         damage: list[str] = []
-        ended: dict[str, int] = {}
+        groups = self._by_time(damage) if self._begins else self._one_by_one(damage)
+        owners = BusOwners()
+        for part, group in groups:
+            owners.follow(part, group)
+            yield group
         for part in self._parts:
-            newest: dict[str, int] = {}
-            try:
-                for group in part:
-                    _follow(group, newest, ended, part.name)
-                    yield group
-            except DamagedInputError as error:
-                damage.append(str(error))
-            ended.update(newest)
             self.notes += [f"{part.name}: {note}" for note in part.notes]
         if damage:
             raise DamagedInputError("; ".join(damage))
+
+    def _one_by_one(self, damage: list[str]) -> Iterator[tuple[Source, Sequence[Chunk]]]:
+        for part in self._parts:
+            for group in _undamaged(part, damage):
+                yield part, group
+
+    def _by_time(self, damage: list[str]) -> Iterator[tuple[Source, Sequence[Chunk]]]:
+        """Yield what the inputs say in the order of time; one is opened when its time has come."""
+        waiting = deque(self._begins)
+        read: list[_PartRead] = []
+        while waiting or read:
+            now = min((one.next_ns for one in read), default=None)
+            while waiting and (now is None or waiting[0][1] <= now):
+                part, now = waiting.popleft()
+                read.append(_PartRead(part, damage))
+            one = min(read, key=_next)
+            others = [other.next_ns for other in read if other is not one]
+            until = min([*others, *(begin for _, begin in waiting)], default=None)
+            if group := one.take(until):
+                yield one.part, group
+            else:
+                read.remove(one)
 
     def facts(self) -> Mapping[str, str]:
         """Return what the recordings among them know about themselves.
@@ -80,7 +107,7 @@ class SeveralSources(Source):
             for key, value in part.facts().items():
                 if out.setdefault(key, value) != value and key.startswith(_AGREED):
                     told = f"{part.name} says {key} {value}, another {out[key]}"
-                    raise InputError(f"{told}: decode them one by one")
+                    raise InputError(f"{told}: {ONE_BY_ONE}")
         return out
 
     def tables(self) -> list[RegisterMap]:
@@ -93,6 +120,8 @@ class SeveralSources(Source):
         for part in self._parts:
             part.close()
 
+
+ONE_BY_ONE: Final = "decode them one by one, or make one file of them with `sniffer merge`"
 
 NAMED_MOST: Final = 3
 """Files of a capture that its name has; of more it has the first."""
@@ -170,23 +199,94 @@ def refuse_twice(paths: Sequence[str | Path]) -> None:
             raise InputError(f"{name} is named twice")
 
 
-def _follow(
-    group: Sequence[Chunk], newest: dict[str, int], ended: Mapping[str, int], name: str
-) -> None:
-    """Note the latest times of an input; it may not begin before what is read before it ends."""
-    for chunk in group:
-        t_ns, bus = chunk.t_ns, chunk.bus
-        if t_ns is None:
-            continue
-        if bus not in newest and t_ns < ended.get(bus, t_ns):
-            why = "begins before the one in front of it has ended"
-            raise InputError(f"{name} {why}: decode them one by one")
-        newest[bus] = max(newest.get(bus, t_ns), t_ns)
+class BusOwners:
+    """Which input tells of each bus: another one may go on with it, but not beside it."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[Source, int]] = {}
+        self._past: set[tuple[str, Source]] = set()
+
+    def follow(self, part: Source, group: Sequence[Chunk]) -> None:
+        """Note what an input says next.
+
+        Raises:
+            InputError: another one that speaks of that bus has begun before it ended.
+        """
+        for chunk in group:
+            bus, t_ns = chunk.bus, chunk.t_ns
+            if t_ns is None:
+                continue
+            owner, newest_ns = self._newest.get(bus, (part, t_ns))
+            if owner is not part:
+                if (bus, part) in self._past:
+                    raise _overlapping(owner)
+                if t_ns < newest_ns:
+                    raise _overlapping(part)
+                self._past.add((bus, owner))
+            self._newest[bus] = part, max(newest_ns, t_ns)
 
 
-def _first(part: Source) -> int:
-    return next((c.t_ns for g in part for c in g if c.data and c.t_ns is not None), 0)
+class _PartRead:
+    """An input that is being read: what it says next, and when that was."""
+
+    def __init__(self, part: Source, damage: list[str]) -> None:
+        self.part = part
+        self._groups = _undamaged(part, damage)
+        self._group: Sequence[Chunk] = ()
+        self._times: list[int] = []
+        """Of the chunks of the group. They never fall: an input keeps the order that it has."""
+        self._at = 0
+        self._last_ns = self.next_ns = TIME_LEAST_NS
+        self._fill()
+
+    def take(self, until_ns: int | None) -> Sequence[Chunk]:
+        """Return what it says up to a time (None: the rest of a group); nothing at its end."""
+        at, group = self._at, self._group
+        count = len(group)
+        self._at = count if until_ns is None else max(at + 1, bisect_right(self._times, until_ns))
+        out = group if at == 0 and self._at >= count else group[at : self._at]
+        if self._at >= count:
+            self._fill()
+        else:
+            self.next_ns = self._times[self._at]
+        return out
+
+    def _fill(self) -> None:
+        self._at, self._group = 0, next(self._groups, ())
+        self._times = []
+        last_ns = self._last_ns
+        for chunk in self._group:
+            if chunk.t_ns is not None:
+                last_ns = max(last_ns, chunk.t_ns)
+            self._times.append(last_ns)
+        self._last_ns = last_ns
+        self.next_ns = self._times[0] if self._times else last_ns
 
 
-def _has_times(part: Source) -> bool:
-    return next((c.t_ns is not None for g in part for c in g if c.data), False)
+def _undamaged(part: Source, damage: list[str]) -> Iterator[Sequence[Chunk]]:
+    """Yield what an input holds; how it breaks off is added to the damage."""
+    try:
+        yield from (group for group in part if group)
+    except DamagedInputError as error:
+        damage.append(str(error))
+
+
+def _overlapping(part: Source) -> InputError:
+    why = "begins before the one in front of it has ended"
+    return InputError(f"{part.name} {why}: {ONE_BY_ONE}")
+
+
+def _begin(begin: tuple[Source, int]) -> int:
+    return begin[1]
+
+
+def _next(one: _PartRead) -> int:
+    return one.next_ns
+
+
+def _first(part: Source) -> int | None:
+    """Return when an input begins; None if its first bytes have no time.
+
+    One without bytes is in nobody's way.
+    """
+    return next((c.t_ns for g in part for c in g if c.data), 0)

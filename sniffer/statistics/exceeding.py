@@ -94,7 +94,7 @@ class Exceedings:
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""
-        if self._rules and len(batch.values):
+        if self._rules:
             told = usable(batch)
             for rule in self._rules:
                 rule.add(batch, told)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.codes import REQUEST, RESPONSE, WHOLE
+from sniffer.anomalies.zero import ZeroId
+from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.model import ECHO, RESETS
 from sniffer.protocols.base import ends_goal, shared_ids
 from sniffer.statistics.figures import GOAL, POSITION
@@ -19,7 +20,7 @@ from sniffer.statistics.figures import GOAL, POSITION
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.ground.model import F64, I64, Batch, Frames, Mask
+    from sniffer.ground.model import F64, I64, Batch, Mask
     from sniffer.protocols.base import BusProtocol
 
 _MEASURED: Final = 0
@@ -75,8 +76,7 @@ class Follower:
                 self._unit[i] = self.units.index(unit) if unit in self.units else len(self.units)
         self._ends = np.array(sorted(ends_goal(protocol)), np.int64)
         self._shared = np.array(shared_ids(protocol))
-        self._zero_is_all = 0 in protocol.everyone
-        """Until a servo answers as 0: then it is its own."""
+        self._zero = ZeroId(protocol)
         self._goal: dict[tuple[int, int], float] = {}
         self._of_all: dict[int, float] = {}
 
@@ -86,7 +86,7 @@ class Follower:
         v, f = batch.values.take(taken), batch.frames
         kind = self._kind[v.register]
         rows = np.flatnonzero((kind >= 0) & (v.part == WHOLE) & ~np.isnan(v.value))
-        ended, zero_until = self._ended(batch), self._zero_until(f)
+        ended, zero_until = self._ended(batch), self._zero.until(f)
         frame = np.concatenate([v.row[rows], ended])
         if not len(frame):
             return
@@ -132,15 +132,6 @@ class Follower:
             if len(aims):
                 fits = what[aims[-1]] == _AIMED and unit[aims[-1]] == number
                 self._of_all[number] = float(value[aims[-1]]) if fits else np.nan
-
-    def _zero_until(self, f: Frames) -> int:
-        """Return the row from which on id 0 is a servo's own, as the first that it says shows."""
-        answers = np.flatnonzero((f.servo_id == 0) & (f.kind == RESPONSE))
-        until = 0
-        if self._zero_is_all:
-            until = int(answers[0]) if len(answers) else len(f)
-            self._zero_is_all = not len(answers)
-        return until
 
     def _ended(self, batch: Batch) -> I64:
         """Return the rows of commands that end a goal without another."""

@@ -93,15 +93,23 @@ class Statistics:
 
     Of a selection what is selected is counted; rates are over all the time that was heard.
     ``alarms`` are rules of the user's own: how long they were met is told, too. With ``every_ns``
-    what was said is counted in slices of that time, too.
+    what was said is counted in slices of that time, too. ``by_answer``: it is selected by what came
+    of requests, so shares of missing answers would say of the selection only, and are left out.
     """
 
-    def __init__(self, alarms: Sequence[Alarm] = (), *, every_ns: int | None = None) -> None:
+    def __init__(
+        self,
+        alarms: Sequence[Alarm] = (),
+        *,
+        every_ns: int | None = None,
+        by_answer: bool = False,
+    ) -> None:
         self.collector = Collector()
         self.lanes: dict[str, LaneNumbers] = {}
         self.wires: dict[str, WireBytes] = {}
         self.slices: dict[str, SliceBook] = {}
         self.names = ServoNames()
+        self.by_answer = by_answer
         self._alarms = alarms
         self._every_ns = every_ns
 

@@ -76,7 +76,7 @@ def _bus(told: Statistics, bus: str) -> dict[str, Any]:
         "load": _load(told, bus, wire, slices) if clocked else None,
         **({} if slices is None else {"slices": _slices(slices)}),
         "commands": [
-            _command(lane, c, wire, clocked=clocked)
+            _command(lane, c, wire, clocked=clocked, shared=not told.by_answer)
             for lane in lanes.values()
             for c in lane.commands.figures()
         ],
@@ -121,7 +121,7 @@ def _slices(slices: EverySlice) -> dict[str, Any]:
 
 
 def _command(
-    lane: LaneNumbers, c: CommandFigures, wire: WireBytes, *, clocked: bool
+    lane: LaneNumbers, c: CommandFigures, wire: WireBytes, *, clocked: bool, shared: bool
 ) -> dict[str, Any]:
     return {
         "protocol": lane.protocol.name,
@@ -142,8 +142,8 @@ def _command(
         "asked": c.asked,
         "ok": c.ok,
         "missing": c.missing,
-        "missing_share": c.missing_share,
-        "missing_interval": list(wilson(c.missing, c.asked)) if c.asked else None,
+        "missing_share": c.missing_share if shared else None,
+        "missing_interval": list(wilson(c.missing, c.asked)) if c.asked and shared else None,
         "failed": c.failed,
         "unasked": c.unasked,
         "retries": c.retries,

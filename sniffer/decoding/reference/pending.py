@@ -89,6 +89,13 @@ class _Pending:
         q, r = self.frames[request], self.frames[answer]
         return self.names(request, answer) and r.token in (-1, q.token)
 
+    def is_own(self, request: int, answer: int) -> bool:
+        """Tell whether a servo was asked by name behind a request to any, before it answers."""
+        return self.frames[request].alt_id == ANY_ID and any(
+            self.asks(q) and self.frames[q].alt_id == NO_ALT and self.fits(q, answer)
+            for q in range(request + 1, answer)
+        )
+
     def key(self, row: int) -> Key | None:
         """Return servo and token; None for a frame that nothing can be the counterpart of."""
         f = self.frames[row]
@@ -96,7 +103,7 @@ class _Pending:
             if f.alt_id == NO_ALT:
                 return f.servo_id, f.token
             for r in self.answers:
-                if self.is_open(row, r) and self.fits(row, r):
+                if self.is_open(row, r) and self.fits(row, r) and not self.is_own(row, r):
                     return self.frames[r].servo_id, f.token
             return None
         if f.token != -1:

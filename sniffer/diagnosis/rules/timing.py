@@ -12,11 +12,14 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
     CYCLES,
     EDGE,
+    ITS_STEP,
     SPREAD,
     SPREAD_NS,
     cycle_of,
+    is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
+    steps,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -39,8 +42,8 @@ FINDINGS: Final = (
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
-        "not alike and three tenths of the time, "
-        "nor behind a request that mostly has such a pause behind it: there the program has ended a step.",
+        "not alike and three tenths of the time, nor behind a request that mostly has such a pause behind "
+        "it, nor where the two requests before, around or behind it mostly have one: the program's steps.",
     ),
     FindingCode(
         "loop-jitters",
@@ -49,7 +52,8 @@ FINDINGS: Final = (
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
         "lengths with none between, nor cycles that are all about as long as those around them; each cycle in "
-        "which something failed is left out at both ends, three tenths at most; and what comes late does not come right behind something else that the program "
+        "which something failed is left out at both ends, three tenths at most; it goes on for most of the "
+        "time; and what comes late does not come right behind something else that the program "
         "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
     ),
     FindingCode(
@@ -92,10 +96,8 @@ STALL_NS: Final = 10 * MS
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
 
-ITS_STEP: Final = 0.5
 ITS_STEP_TIMES: Final = 3
-"""So many requests of one kind, and such a share of them, with a rest behind: there a program has done
-what it had to do. What stops a loop takes no heed of where the program is."""
+"""So many requests of one kind with a rest behind: there a program has done what it had to do."""
 
 AROUND_NS: Final = 4 * NS
 MOSTLY: Final = 0.7
@@ -146,9 +148,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     """A loop whose cycles differ much."""
     exchanges, periods = case.ledger.exchanges, case.ledger.periods
     rest = exchanges.idle.at(0, 0.99)
-    if not case.has_clock or not periods.keys:
-        return
-    if rest is None or rest.low < FREE_RUNNING_NS:
+    if not case.has_clock or not periods.keys or rest is None or rest.low < FREE_RUNNING_NS:
         return
     most = max(map(periods.count, periods.keys))
     edge = EDGE + _failing(case) / most
@@ -169,7 +169,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
         return
     low, high, count = told[2:]
-    if is_steady_for_a_while(case) or is_kept_waiting(case):
+    if is_in_bursts(case, count, middle) or is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",
@@ -213,7 +213,9 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
     if usual > SLOWEST_NS:
         return
-    stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
+    rests = case.ledger.exchanges.pauses
+    planned = steps(case, [p for p in rests if p.sure_ns >= LONGER * usual])
+    stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]

@@ -34,7 +34,7 @@ FINDINGS: Final = (
         "temperature-rising",
         "device",
         "A servo grows hot faster than work makes it.",
-        "At least 15 degrees more than at the beginning, by a degree a second or faster, still rising at the end or up to the highest.",
+        "At least 15 degrees more than at the beginning, by a degree a second or faster by a clock, still rising at the end or up to the highest.",
     ),
     FindingCode(
         "saved-while-cool",
@@ -129,6 +129,8 @@ def temperature(case: Case) -> Iterator[Finding]:
                 strength=1.0 if most >= limit else 0.75,
                 brief=f"servo {servo} is at {t.told(most)}",
             )
+        if not case.has_clock:
+            continue  # bytes without times take no seconds
         begin, top = float(t.mean[0]), int(np.argmax(t.mean))
         seconds = (int(t.t[top]) - int(t.t[0])) / NS
         rise = float(t.mean[top]) - begin

@@ -192,6 +192,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-at-turn", -2.0, "a weak signal has no strays where the direction changes"),
         ("last-bits", -3.5, "only one servo's last bits are hit"),
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
+        ("answers-mixed", -2.5, "two answers at once explain it: who pulls low wins"),
         ("strays-anywhere", 0.3, "a slow edge may look like a start"),
         ("gives-up-early", -2.5, "a weak signal makes no answer late"),
         *_TORN,
