@@ -42,6 +42,7 @@ from sniffer.diagnosis.rules import (
     rhythms,
     streams,
 )
+from tests import servos
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
@@ -240,6 +241,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "fast clock": lambda: suffering(DriftingClock(2, lambda _: -0.06, 0.62)),
         "twins": lambda: twins(5_000, "rs30x", Clash.AND),
         "late twins": lambda: twins(1_500_000, "mightyzap", Clash.AND),
+        "twins apart": lambda: codes(servos.suffering("lss", "duplicate-id:2:60%", 6.0)),
         "two masters": two_masters,
         "two loops": two_loops,
         "two rounds": lambda: codes(two_rounds(31, 43, apart_ms=0.2).diagnosed()),
@@ -279,6 +281,7 @@ TOLD: Final = (
     ("first-byte-torn", "held driver", "early release"),
     ("last-byte-torn", "early release", "held driver"),
     ("answers-twice", "late twins", "early release"),
+    ("second-answers-whole", "twins apart", "late twins"),
     ("answers-mixed", "twins", "fast clock"),
     ("answers-always-torn", "fast clock", "contact"),
     ("requests-run-together", "two masters", "late edges"),

@@ -218,8 +218,8 @@ def _bare_lack_bytes(case: Case, order: Order) -> Iterator[Finding]:
 
 
 def _is_by_its_end(got: bytes, whole: bytes) -> bool:
-    """Tell whether bytes are a request but for its last one: that may be altered, or the answer's."""
-    return len(got) == len(whole) == alike(got, whole) + 1
+    """Tell whether bytes begin as a request of their length: the rest may be altered, or an answer."""
+    return len(got) == len(whole) and alike(got, whole) >= BARE
 
 
 def _is_too_short(d: Damage, order: Order) -> bool:

@@ -25,7 +25,7 @@ WEIGHTS: Final = (
         for cause in ("bus-noise", "signal-integrity", "bad-cable", "emi-load", "servo-reset-loop")
         for weight in for_(cause, *_LOST_HERE)
     ),
-    *for_("two-masters", ("order-lacks-bytes", -2.5, "two loops keep no order among them")),
+    *for_("two-masters", ("order-lacks-bytes", 0.1, "what two say at once is shorter than both")),
     *for_(
         "echo",
         ("adapter-echo", 4.0, "every request stands there twice, byte for byte, with one answer"),
