@@ -371,3 +371,17 @@ def test_requests_whose_last_byte_is_altered_are_not_lost_by_the_tap() -> None:
         last = bytes((chunk.data[-1] ^ 8,)) if is_hit else chunk.data[-1:]
         heard.append(replace(chunk, data=chunk.data[:-1] + last))
     assert "order-lacks-bytes" not in codes(talk.diagnosed(heard))
+
+
+def test_two_torn_requests_in_a_row_are_no_hole() -> None:
+    """Each is shorter than both, which are missing from the order there."""
+    rng, talk, heard, is_hit = random.Random(5), robot("rs30x", 6, goals=False), [], False
+    requests = {chunk.data for n, chunk in enumerate(one_wire(talk)) if not n % 2}
+    for chunk in one_wire(talk):
+        if chunk.data in requests:
+            is_hit = rng.random() < 0.25
+            last = bytes((chunk.data[-1] ^ 8,)) if is_hit else chunk.data[-1:]
+            heard.append(replace(chunk, data=chunk.data[:-1] + last))
+        elif not is_hit:  # nobody answers what was torn
+            heard.append(chunk)
+    assert "order-lacks-bytes" not in codes(talk.diagnosed(heard))

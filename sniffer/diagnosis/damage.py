@@ -75,6 +75,7 @@ class Damage:
     same request follows, ``behind`` the kind of the frame before (-1: none). ``begins_ns`` is when
     its first byte began (-1: nobody knows), ``asked_before`` are the last requests before it, the
     latest first, ``then`` is what the next frame asks (None: it is no request, or not heard yet).
+    ``between`` are all bytes from the frame before to that one (-1: nobody knows).
     """
 
     at: int
@@ -93,6 +94,7 @@ class Damage:
     begins_ns: int = -1
     asked_before: tuple[RequestBefore, ...] = ()
     then: Asking | None = None
+    between: int = -1
 
     @property
     def expected(self) -> bytes:
@@ -155,6 +157,7 @@ class _Told(NamedTuple):
     asks: Mask
     follows: Mask
     after: I64
+    between: I64
 
 
 class Damages:
@@ -294,7 +297,9 @@ class Damages:
         )
         then = np.append(f.kind.astype(np.int64), -1)[after]
         asked = np.where(then == REQUEST, after, -1)
-        follows = (then == RESPONSE) & (np.append(f.start, -1)[after] == end)
+        next_start = np.append(f.start, -1)[after]
+        between = np.where((next_start >= 0) & (kind >= 0), next_start - ends, -1)
+        follows = (then == RESPONSE) & (next_start == end)
         known = _outcomes(batch)[:-1] if batch is not None else np.empty(0, np.int64)
         outcome = np.append(known, edge.outcome)[row]
         timed = np.append(f.uncertainty, -1)[after]
@@ -327,7 +332,7 @@ class Damages:
         who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
         next_ns = np.append(f.t_start, -1)[after]
         until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
-        return _Told(turn, who, since, until, row, kind, asks, follows, asked)
+        return _Told(turn, who, since, until, row, kind, asks, follows, asked, between)
 
     def _count(self, counts: TimedBuckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
@@ -379,6 +384,7 @@ class Damages:
                 int(runs.begins_ns[i]) if told.since_ns[i] != -1 else -1,
                 self.likes.asked_before(batch, row),
                 asking_of(f, after) if f is not None and after >= 0 else None,
+                int(told.between[i]),
             )
 
 

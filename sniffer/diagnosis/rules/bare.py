@@ -64,8 +64,9 @@ def _words(case: Case) -> list[Damage]:
     size = case.ledger.answer_length
     if not case.protocol.ordered or case.has_checksum or not size:
         return []
-    # what stands in the place of an answer was asked for
-    stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY]
+    # what stands in the place of an answer was asked for, though the request may be torn
+    ends = {d.at + d.length for d in case.damages if d.kind != NOISE}
+    stray = [d for d in case.damages if d.kind == NOISE and d.turn != IN_REPLY and d.at not in ends]
     alike = [d for d in stray if len(d.got) == d.length == size]
     return alike if len(alike) >= max(UNASKED, BARE_SHARE * len(stray)) else []
 
@@ -105,7 +106,8 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
         )
     other, theirs = _followed(case, whose, alike)
     if theirs and whose not in told:
-        told, chance = {other: theirs}, 1.0
+        # a second one of that other one, late, says the same: prompt stamps tell how late
+        told, chance = {other: theirs}, 1.0 if case.has_prompt_stamps else 0.0
         if behind:
             yield finding_of(
                 behind,

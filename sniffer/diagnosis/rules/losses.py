@@ -225,10 +225,11 @@ def _is_by_its_end(got: bytes, whole: bytes) -> bool:
 def _is_too_short(d: Damage, order: Order) -> bool:
     """Tell whether a torn place has fewer bytes than the requests that are missing there.
 
-    Who was not answered may leave out what it has no time for: only behind sound answers.
+    Who was not answered may leave out what it has no time for: only behind sound answers. Several
+    torn requests in a row are several places, and missing together.
     """
     due = d.turn == IN_REQUEST and d.behind == RESPONSE and d.length >= PIECE
-    return due and d.length <= order.missing_bytes(d) - SHORT
+    return due and max(d.length, d.between) <= order.missing_bytes(d) - SHORT
 
 
 def _has_hole(got: bytes, whole: bytes) -> bool:

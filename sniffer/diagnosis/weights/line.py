@@ -147,6 +147,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-requests", 0.3, "who speaks is cut"),
         ("damage-in-answers", 0.3, "who speaks is cut"),
         ("comes-and-goes", 0.1, "nobody is heard meanwhile"),
+        ("order-lacks-bytes", 0.1, "what falls instead of them is as short as may be"),
         ("lost-together", 0.1, "nobody is heard meanwhile"),
         ("last-byte-torn", 0.1, "who speaks is cut"),
         ("first-byte-torn", 0.1, "the line comes back within a frame"),
