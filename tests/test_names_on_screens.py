@@ -93,7 +93,7 @@ def test_servos_of_a_moment_and_figures_are_told_by_name(index: CaptureIndex) ->
     assert "leg  2 ankle" in text
     titles, *rows = text.splitlines()[1:8]
     assert {row.index("  ", row.index(" ", 5) + 2) >= 0 for row in rows} == {True}
-    assert titles.index("asked") == rows[0].index(LONG) + len(LONG) + 2
+    assert titles.index("requests") == rows[0].index(LONG) + len(LONG) + 2
 
 
 @pytest.mark.parametrize(

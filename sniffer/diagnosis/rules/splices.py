@@ -33,7 +33,7 @@ FINDINGS: Final = (
         "frames-spliced",
         "tap",
         "Torn places are ends of frames, alone or behind the beginning of another, and no byte is altered.",
-        "Ends of answers that lack two bytes and more, or of a length that no frame has, nor two (but where requests are missing from the order), by two bytes at least; each byte as it always is at its place, from the beginning up to the hole and from the end. Three places and more, a quarter of all torn ones; a request is cut, or missing before the end of an answer. Answers of a servo that is hit far more than others are left out. Of protocols with a checksum and a header in each frame.",
+        "Ends of answers that lack two bytes and more, or of a length that no frame has, nor two (but where longer requests are missing from the order), by two bytes at least; each byte as it always is at its place, from the beginning up to the hole and from the end. Three places and more, a quarter of all torn ones; a request is cut, or missing before the end of an answer. Answers of a servo that is hit far more than others are left out. Of protocols with a checksum and a header in each frame.",
     ),
 )
 
@@ -87,8 +87,8 @@ def splices(case: Case) -> Iterator[Finding]:
     ends = [d for d in torn if d.at in lacks] if usual <= ALIKE * len(lacks) else []
     order = Order(case)
     told = [d for d in odd if d.length >= 2 * STEADY]
-    # as long as two frames in a row it may be both, unless requests are missing there
-    told = [d for d in told if d.length not in two or order.is_broken_at(d)]
+    # as long as two frames in a row it may be both, unless longer requests are missing there
+    told = [d for d in told if d.length not in two or d.length <= order.missing_bytes(d)]
     joined = [d for d in told if not _is_piece(d.got, known)]
     # what ends as a request in the place of an answer may have been said into it
     joined = [d for d in joined if d.turn != IN_REPLY or not _is_spliced(d.got, answers, requests)]
