@@ -19,7 +19,9 @@ from sniffer.decoding.rows import Row, as_dict, rows
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
 from sniffer.selection.columns import IS_TEXT, LENT, REALS, TABLES, VALUES
+from sniffer.selection.expression import HEADINGS
 from sniffer.selection.selection import Selection
+from sniffer.sinks.text import HEAD
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 
@@ -218,6 +220,10 @@ COMPLAINTS: Final = {
     "servo_id = 3 AND opp = 'x'": (
         ", at \"opp = 'x'\" (character 18): there is no such column: did you mean op?"
     ),
+    "verdict = 'ok'": (
+        ", at \"verdict = 'ok'\" (character 1): there is no such column: what is shown as verdict "
+        "is outcome"
+    ),
     "servo_id =": ", at its end: expected a column, a number or a text",
     "servo_id = 3; drop": (
         ", at '; drop' (character 13): ';' is nothing that an expression can have"
@@ -291,3 +297,9 @@ def test_a_number_that_a_column_cannot_hold_is_compared_as_what_it_is(
     text = f"servo_id {sign} {number}"
     selection = Selection.parse(text)
     assert base.by_us(selection) == base.by_sql(text, selection.tables)
+
+
+def test_all_headings_of_a_listing_lead_to_columns() -> None:
+    shown = {name for name in HEAD if name.strip()}
+    assert shown - {*IS_TEXT} <= {*HEADINGS}
+    assert {column.split(",")[0] for column in HEADINGS.values()} <= {*IS_TEXT}

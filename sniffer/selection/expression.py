@@ -90,8 +90,23 @@ def read(text: str) -> Expression:
     return _Parser(text).whole()
 
 
+HEADINGS: Final = {
+    "id": "servo_id",
+    "name": "servo_name",
+    "command": "op",
+    "verdict": "outcome",
+    "time": "t_ns, in ns (--from and --to take times)",
+    "values": "value, of the quantity or register that is named beside it",
+    "anomaly": "code",
+    "level": "severity",
+}
+"""What people see above columns of a listing and type here, with the columns that it is made of."""
+
+
 def _no_column(name: str) -> str:
     """Return that there is no such column; of what servos tell, how it is asked for."""
+    if (column := HEADINGS.get(name.lower())) is not None:
+        return f"there is no such column: what is shown as {name} is {column}"
     from sniffer.protocols import PROTOCOLS  # what is not meant by every user is read by few
 
     every = [r for protocol in PROTOCOLS.values() for r in protocol.registers]
