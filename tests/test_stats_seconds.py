@@ -69,3 +69,16 @@ def test_state_counts_from_the_begin_of_the_capture(capture: Path) -> None:
     at = re.search(r"(\d+\.\d+)$", told.rstrip())
     assert at is not None, told
     assert float(at[1]) == pytest.approx(13, abs=0.02)
+
+
+def test_a_bus_without_a_clock_leaves_the_seconds_of_the_others_as_they_are(
+    capture: Path, tmp_path: Path
+) -> None:
+    goal = line(13, "leg", 1, 5, 0xF3, 0x86, 0, 8)
+    capture.write_text(capture.read_text() + goal)
+    bare = tmp_path / "bare.hex"
+    bare.write_text(goal.partition("#")[2])
+    alone = said("state", str(capture), "--protocol", "mightyzap")
+    beside = said("state", str(capture), str(bare), "--protocol", "mightyzap")
+    assert "bus0: mightyzap" in beside
+    assert re.findall(r"(\d+\.\d+)$", alone, re.M) == re.findall(r"(\d+\.\d+)$", beside, re.M)

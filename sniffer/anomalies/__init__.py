@@ -55,8 +55,8 @@ class AnomalyRules(Remembering):
     """
 
     PARTS = (
-        *("_pairing", "_device", "_models", "_alarms", "_wire", "_doubled", "_losses"),
-        "_hearing",
+        *("_pairing", "_device", "_models", "_alarms", "_wire"),
+        *("_doubled", "_losses", "_hearing"),
     )
 
     def __init__(

@@ -15,7 +15,7 @@ from sniffer.decoding.names import AND
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Severity
+from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Clock, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -177,13 +177,13 @@ class Summary:
         self.shown: Counter[str] = Counter()
         """How many rows of each kind were selected; all else is counted of all rows."""
         self.began_ns: int | None = None
-        """When the first frame of all began, also where it is left out: seconds count from it."""
+        """When the first frame with a clock began, left out or not: seconds count from it."""
         self._worst_shown: Severity | None = None
 
     def begin(self, parts: Sequence[Part]) -> None:
         """Take what one pass decided, before anything is left out of it."""
         for _, batch in parts:
-            if len(batch.frames):
+            if len(batch.frames) and batch.clock != Clock.NONE:
                 first = int(batch.frames.t_start[0])
                 self.began_ns = first if self.began_ns is None else min(first, self.began_ns)
 

@@ -73,7 +73,7 @@ def registers_held(
         patience=patience,
         tell=tell,
     )
-    began_ns = dict.fromkeys(book.began_ns, done.summary.began_ns or 0)
+    began_ns = dict.fromkeys(sorted(book.clocked), done.summary.began_ns or 0)
     return HeldRegisters(name_of(source), book.held(), began_ns, done.ending, done.summary)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_right
 from collections import deque
 from pathlib import Path
@@ -31,10 +32,7 @@ class SeveralSources(Source):
     """
 
     def __init__(self, parts: Sequence[Source]) -> None:
-        firsts = [_first(part) for part in parts]
-        begins = [
-            (part, t_ns) for part, t_ns in zip(parts, firsts, strict=True) if t_ns is not None
-        ]
+        begins = [(part, t_ns) for part in parts if (t_ns := _first(part)) is not None]
         self._begins = sorted(begins, key=_begin) if len(begins) == len(parts) else []
         self._parts = [part for part, _ in self._begins] or list(parts)
         formats = {part.format for part in parts}
@@ -90,7 +88,8 @@ class SeveralSources(Source):
                 read.append(_PartRead(part, damage))
             one = min(read, key=_next)
             others = [other.next_ns for other in read if other is not one]
-            until = min([*others, *(begin for _, begin in waiting)], default=None)
+            others += [begin for _, begin in itertools.islice(waiting, 1)]
+            until = min(others, default=None)
             if group := one.take(until):
                 yield one.part, group
             else:

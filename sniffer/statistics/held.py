@@ -58,8 +58,8 @@ class RegisterBook:
     """A sink that keeps what was said of each register, in memory that does not grow with time."""
 
     def __init__(self) -> None:
-        self.began_ns: dict[str, int] = {}
-        """When each bus that has a clock was heard first."""
+        self.clocked: set[str] = set()
+        """Buses that have a clock."""
         self._held: dict[tuple[str, int, int], HeldRegister] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -69,7 +69,7 @@ class RegisterBook:
         """Take what a batch says of registers."""
         bus = bus_of(bus, protocol, batch)
         if len(batch.frames) and batch.clock != Clock.NONE:
-            self.began_ns.setdefault(bus, int(batch.frames.t_start[0]))
+            self.clocked.add(bus)
         batch = selected(batch)
         v, f = batch.values, batch.frames
         rows = np.flatnonzero(v.accepted & (v.part == WHOLE))
