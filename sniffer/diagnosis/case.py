@@ -126,6 +126,11 @@ class Case:
         """Whether answers have one: else damage may pass for a value."""
         return self.ledger.has_checksum is not False
 
+    @property
+    def has_bare_answers(self) -> bool:
+        """Whether answers are bytes without a header or a checksum, of whoever was asked (wCK)."""
+        return self.protocol.ordered and not self.has_checksum
+
     def since(self, t_ns: int) -> str:
         """Return when it was, counted from the first frame, in words."""
         return f"{(t_ns - self.first_ns) / NS:.3f} s"

@@ -66,7 +66,7 @@ def followed(case: Case) -> Followed | None:
 
 
 def _followed(case: Case) -> Followed | None:
-    if case.protocol.ordered and not case.has_checksum:
+    if case.has_bare_answers:
         return None  # any bytes are an answer, and of whoever was asked
     # a request some bits of which are wrong was hit by a pulse, not by an answer
     requests = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]

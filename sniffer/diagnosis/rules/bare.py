@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -59,10 +59,30 @@ def _mostly_behind(pieces: Sequence[Damage]) -> tuple[list[Damage], int]:
     return [d for d in behind if d.asked_id == whose], whose
 
 
+class _BareWords(NamedTuple):
+    """What may be bare answers between the frames.
+
+    ``behind`` are those behind answers of the servo ``whose``, behind which most are; ``theirs``
+    those that go with the servo ``other`` instead, none where no other is plain.
+    """
+
+    alike: Sequence[Damage]
+    behind: Sequence[Damage]
+    whose: int
+    other: int
+    theirs: Sequence[Damage]
+
+
+def _heard(case: Case) -> _BareWords:
+    alike = _words(case)
+    behind, whose = _mostly_behind(alike)
+    return _BareWords(alike, behind, whose, *_followed(case, whose, alike))
+
+
 def _words(case: Case) -> list[Damage]:
     """Return what stands between the frames and may be bare answers; none where more is torn."""
     size = case.ledger.answer_length
-    if not case.protocol.ordered or case.has_checksum or not size:
+    if not case.has_bare_answers or not size:
         return []
     # what stands in the place of an answer was asked for, though the request may be torn
     ends = {d.at + d.length for d in case.damages if d.kind != NOISE}
@@ -73,27 +93,23 @@ def _words(case: Case) -> list[Damage]:
 
 def said_by_another(case: Case) -> int:
     """Return the servo behind whose answers another one says where it is; -1: none."""
-    return case.once(_said_by_another)
-
-
-def _said_by_another(case: Case) -> int:
-    alike = _words(case)
-    _, whose = _mostly_behind(alike)
-    _, theirs = _followed(case, whose, alike)
-    return whose if theirs else -1
+    words = case.once(_heard)
+    return words.whose if words.theirs else -1
 
 
 def chatty_bare(case: Case) -> Iterator[Finding]:
     """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
-    size, alike = case.ledger.answer_length, _words(case)
+    size = case.ledger.answer_length
+    alike, behind, whose, other, theirs = case.once(_heard)
     if not alike:
         return
     told: dict[int, Sequence[Damage]] = {
         s: mine for s in case.answering if (mine := _would_be_answers(case, s, alike, size))
     }
-    behind, whose = _mostly_behind(alike)
     chance = at_least(len(behind), len(alike), case.total("asked", whose) / case.total("asked"))
-    if chance < ALONE and whose in told:
+    # all of it behind one servo's answers may as well be that one's second answers
+    is_either = chance < ALONE
+    if is_either and whose in told:
         told = {whose: told[whose]}  # two joints may be near each other: not both have a second one
         yield finding_of(
             behind,
@@ -104,10 +120,9 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
             strength=unlikely(chance),
             brief=f"a second servo {whose} answers now and then",
         )
-    other, theirs = _followed(case, whose, alike)
     if theirs and whose not in told:
         # a second one of that other one, late, says the same: prompt stamps tell how late
-        told, chance = {other: theirs}, 1.0 if case.has_prompt_stamps else 0.0
+        told, is_either = {other: theirs}, not case.has_prompt_stamps
         if behind:
             yield finding_of(
                 behind,
@@ -126,8 +141,7 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
             f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
             f"servo {servo}, where it is at the moment",
             "would be an answer",
-            # all of it behind one servo's answers may as well be that one's second answers
-            strength=min(0.5 + len(fits) / 25, 0.9) * (EITHER if chance < ALONE else 1.0),
+            strength=min(0.5 + len(fits) / 25, 0.9) * (EITHER if is_either else 1.0),
             brief=f"servo {servo} speaks unasked",
         )
 

@@ -138,9 +138,8 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} answers {twin.twice} requests twice",
             may_be=may_be,
         )
-        names = case.has_checksum or not case.protocol.ordered
         least = max(WHOLE, WHOLE_TIMES * case.damage["n"].sum(), MANY * case.total("ok", servo))
-        if names and twin.whole >= least:
+        if not case.has_bare_answers and twin.whole >= least:
             yield Finding(
                 "second-answers-whole",
                 servo,
@@ -156,8 +155,7 @@ def answers_twice(case: Case) -> Iterator[Finding]:
 
 def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
     """Return whose second answers they may be: bare ones name nobody, and no sure time tells."""
-    is_bare = case.protocol.ordered and not case.has_checksum
-    if not is_bare or (case.has_clock and case.latency_ns <= EXACT_NS):
+    if not case.has_bare_answers or (case.has_clock and case.latency_ns <= EXACT_NS):
         return ()
     whom, f = case.ledger.exchanges.kinds.servo_id, case.ledger.exchanges.followers()
     before: Counter[int] = Counter()

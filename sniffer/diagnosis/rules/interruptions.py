@@ -168,7 +168,7 @@ def swallowed(case: Case) -> Iterator[Finding]:
     is_timed = case.has_prompt_stamps
     if not torn or (case.protocol.ordered and not is_timed):
         return
-    order = Order(case)
+    order = case.once(Order)
     judged, shown = 0, []
     for f in exchanges.failed:
         damage = torn.get(f.at + f.length)
@@ -206,7 +206,7 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
     """
     if case.has_checksum:
         return
-    order, kinds = Order(case), case.ledger.exchanges.kinds
+    order, kinds = case.once(Order), case.ledger.exchanges.kinds
     stretches = case.ledger.exchanges.moments.stretches()
     is_timed = case.has_prompt_stamps
     judged, shown = 0, []

@@ -180,8 +180,8 @@ def headless(case: Case) -> Iterator[Finding]:
 
 def order_lacks_bytes(case: Case) -> Iterator[Finding]:
     """Torn places that are shorter than the requests which are missing there."""
-    order = Order(case)
-    if case.protocol.ordered and not case.has_checksum:
+    order = case.once(Order)
+    if case.has_bare_answers:
         yield from _bare_lack_bytes(case, order)
         return
     torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
@@ -253,7 +253,7 @@ def requests_missing(case: Case) -> Iterator[Finding]:
         return
     if not case.has_clock:
         return
-    exchanges, order = case.ledger.exchanges, Order(case)
+    exchanges, order = case.ledger.exchanges, case.once(Order)
     pairs, rows = order.breaks()
     rows = np.array([r for r in rows.tolist() if _took(case, order, pairs, r)], np.int64)
     n = int(pairs["n"][rows].sum())

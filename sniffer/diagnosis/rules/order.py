@@ -81,11 +81,11 @@ class Order:
 
     def missing_bytes(self, d: Damage) -> int:
         """Return how many bytes the requests have at least that are missing at a torn place."""
-        kind, after = self._around(d)
         if not self.is_broken_at(d):
             return 0
+        kind, after = self._around(d)
         sizes = [*map(len, self._kinds.example)]
-        reached, nearest = set[int](), [(0, k) for k in self.usual[kind] if k >= 0]
+        reached, nearest = {-1}, [(0, k) for k in self.usual[kind]]  # -1: no kind that is known
         while nearest:
             size, k = heapq.heappop(nearest)
             if k == after and size:

@@ -85,7 +85,7 @@ def splices(case: Case) -> Iterator[Finding]:
     # what lacks the same each time has its beginning under what stands before it
     usual = max(Counter(lacks.values()).values(), default=0)
     ends = [d for d in torn if d.at in lacks] if usual <= ALIKE * len(lacks) else []
-    order = Order(case)
+    order = case.once(Order)
     told = [d for d in odd if d.length >= 2 * STEADY]
     # as long as two frames in a row it may be both, unless longer requests are missing there
     told = [d for d in told if d.length not in two or d.length <= order.missing_bytes(d)]

@@ -221,7 +221,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
         return
-    order = Order(case)
+    order = case.once(Order)
     damaged = _damaged_at(case)
     kinds = case.ledger.exchanges.kinds
     before = np.bincount([p.next_kind for p in stalls], minlength=len(kinds))
