@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from sniffer.simulation.captures import SampleCapture
-from sniffer.sources.several import ONE_BY_ONE
+from sniffer.sources import open_source
+from sniffer.sources.several import ONE_BY_ONE, open_sources
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -85,6 +86,12 @@ def test_inputs_of_several_buses_that_overlap_in_time_are_told_in_the_order_of_t
         files[-1].write_bytes(
             capture.render(capture.frames()).replace(b" bus0 ", f" {bus} ".encode())
         )
+    own = [list(open_source(file)) for file in files]
+    merged = list(open_sources(files))
+    times = [chunk.t_ns or 0 for group in merged for chunk in group]
+    assert times == sorted(chunk.t_ns or 0 for group in itertools.chain(*own) for chunk in group)
+    # a pass costs the same whatever it holds: not one for each change of the bus
+    assert len(merged) <= sum(map(len, own)) < len(times) / 100
     both = tmp_path / "both.log"
     assert within(capsys, "merge", *files, "-o", both).status == 0
     shown = [within(capsys, "decode", *named).out for named in (files, files[::-1], [both])]

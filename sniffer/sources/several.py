@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from bisect import bisect_right
 from collections import deque
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -62,38 +62,47 @@ class SeveralSources(Source):
     def __iter__(self) -> Iterator[Sequence[Chunk]]:
         self.notes.clear()
         damage: list[str] = []
-        groups = self._by_time(damage) if self._begins else self._one_by_one(damage)
-        owners = BusOwners()
-        for part, group in groups:
-            owners.follow(part, group)
-            yield group
+        read = self._by_time if self._begins else self._one_by_one
+        yield from read(damage, BusOwners())
         for part in self._parts:
             self.notes += [f"{part.name}: {note}" for note in part.notes]
         if damage:
             raise DamagedInputError("; ".join(damage))
 
-    def _one_by_one(self, damage: list[str]) -> Iterator[tuple[Source, Sequence[Chunk]]]:
+    def _one_by_one(self, damage: list[str], owners: BusOwners) -> Iterator[Sequence[Chunk]]:
         for part in self._parts:
             for group in _undamaged(part, damage):
-                yield part, group
+                owners.follow(part, group)
+                yield group
 
-    def _by_time(self, damage: list[str]) -> Iterator[tuple[Source, Sequence[Chunk]]]:
-        """Yield what the inputs say in the order of time; one is opened when its time has come."""
+    def _by_time(self, damage: list[str], owners: BusOwners) -> Iterator[Sequence[Chunk]]:
+        """Yield what the inputs say in the order of time; one is opened when its time has come.
+
+        What was read of several of them is one group: a pass costs the same whatever it holds.
+        """
         waiting = deque(self._begins)
         read: list[_PartRead] = []
+        merged: list[Sequence[Chunk]] = []
         while waiting or read:
+            if empty := [one for one in read if not one.has_more]:
+                if merged:  # nothing waits for what has yet to be read
+                    yield merged[0] if len(merged) == 1 else [*chain.from_iterable(merged)]
+                    merged = []
+                for one in empty:
+                    if not one.fill():
+                        read.remove(one)
+                continue
             now = min((one.next_ns for one in read), default=None)
-            while waiting and (now is None or waiting[0][1] <= now):
-                part, now = waiting.popleft()
-                read.append(_PartRead(part, damage))
+            if waiting and (now is None or waiting[0][1] <= now):
+                one = _PartRead(waiting.popleft()[0], damage)
+                read += [one] if one.fill() else []  # its beginning was looked at: it is there
+                continue
             one = min(read, key=_next)
             others = [other.next_ns for other in read if other is not one]
-            others += [begin for _, begin in itertools.islice(waiting, 1)]
-            until = min(others, default=None)
-            if group := one.take(until):
-                yield one.part, group
-            else:
-                read.remove(one)
+            others += [begin for _, begin in islice(waiting, 1)]
+            piece = one.take(min(others, default=None))
+            owners.follow(one.part, piece)
+            merged.append(piece)
 
     def facts(self) -> Mapping[str, str]:
         """Return what the recordings among them know about themselves.
@@ -235,31 +244,34 @@ class _PartRead:
         self._times: list[int] = []
         """Of the chunks of the group. They never fall: an input keeps the order that it has."""
         self._at = 0
-        self._last_ns = self.next_ns = TIME_LEAST_NS
-        self._fill()
+        self._last_ns = TIME_LEAST_NS
+
+    @property
+    def has_more(self) -> bool:
+        """Whether something is left of the group; else ``fill`` is to be called."""
+        return self._at < len(self._group)
+
+    @property
+    def next_ns(self) -> int:
+        """When it says what is next."""
+        return self._times[self._at]
 
     def take(self, until_ns: int | None) -> Sequence[Chunk]:
-        """Return what it says up to a time (None: the rest of a group); nothing at its end."""
+        """Return what it says up to a time, one chunk at least; None: the rest of the group."""
         at, group = self._at, self._group
-        count = len(group)
-        self._at = count if until_ns is None else max(at + 1, bisect_right(self._times, until_ns))
-        out = group if at == 0 and self._at >= count else group[at : self._at]
-        if self._at >= count:
-            self._fill()
-        else:
-            self.next_ns = self._times[self._at]
-        return out
+        self._at = len(group)
+        if until_ns is not None:
+            self._at = max(at + 1, bisect_right(self._times, until_ns, at))
+        return group if self._at - at == len(group) else group[at : self._at]
 
-    def _fill(self) -> None:
-        self._at, self._group = 0, next(self._groups, ())
-        self._times = []
-        last_ns = self._last_ns
+    def fill(self) -> bool:
+        """Read the next group; tell whether there is one."""
+        self._at, self._group, self._times = 0, next(self._groups, ()), []
         for chunk in self._group:
             if chunk.t_ns is not None:
-                last_ns = max(last_ns, chunk.t_ns)
-            self._times.append(last_ns)
-        self._last_ns = last_ns
-        self.next_ns = self._times[0] if self._times else last_ns
+                self._last_ns = max(self._last_ns, chunk.t_ns)
+            self._times.append(self._last_ns)
+        return self.has_more
 
 
 def _undamaged(part: Source, damage: list[str]) -> Iterator[Sequence[Chunk]]:
