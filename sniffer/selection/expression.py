@@ -95,7 +95,7 @@ HEADINGS: Final = {
     "name": "servo_name",
     "command": "op",
     "verdict": "outcome",
-    "time": "t_ns, in ns (--from and --to take times)",
+    "time": "t_ns, in ns since 1970",
     "values": "value, of the quantity or register that is named beside it",
     "anomaly": "code",
     "level": "severity",
