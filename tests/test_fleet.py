@@ -128,7 +128,7 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
     *_, told, broken, empty, prose = done.err.splitlines()
-    assert re.fullmatch(r"sniffer: 4 of 4 captures, \d+ a second, 0 s left", told)
+    assert re.fullmatch(r"sniffer: 4 of 4 captures, (\d+ a second|\d+ s each), 0 s left", told)
     assert broken.startswith(f"sniffer: damaged: {inputs / 'broken.log'}, line ")
     assert empty.startswith(f"sniffer: failed: {inputs / 'empty.bin'}")
     assert prose.startswith(f"sniffer: failed: {inputs / 'prose.txt'}: this is text, but no")

@@ -13,14 +13,14 @@ import numpy as np
 
 from sniffer.anomalies.found import Anomalies
 from sniffer.anomalies.rules import anomaly
-from sniffer.ground.codes import OK, RESPONSE
+from sniffer.ground.codes import OK, REQUEST, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.model import I16, I64, Anomaly, Batch
+    from sniffer.ground.model import I16, I64, Anomaly, Batch, Spans
     from sniffer.protocols.base import BusProtocol
 
 OFTEN: Final = 3
@@ -150,23 +150,42 @@ class DoubledAnswers(Remembering):
             size = answer.end - answer.start
             tries += [answer.request + run[k : k + size] for k in range(0, length, size)]
             edges.append(len(tries))
-        whole = self._whole(tries)
+        whole, torn = self._whole(tries), self._headless(batch, behind)
         return [
-            b - a if b > a and all(whole[a:b]) else 0 for a, b in itertools.pairwise([0, *edges])
+            b - a if b > a and all(whole[a:b]) and not is_asked else 0
+            for (a, b), is_asked in zip(itertools.pairwise([0, *edges]), torn, strict=True)
         ]
+
+    def _headless(self, batch: Batch, behind: list[tuple[_Exchange, int, int]]) -> list[bool]:
+        """Tell which bytes are the next request but for its first byte, which was torn.
+
+        Behind that stands the answer to it, so that all may be as long as two answers and more.
+        """
+        runs = [
+            answer.request[:1] + batch.data[at - batch.base + 1 : at - batch.base + length]
+            for answer, at, length in behind
+        ]
+        spans, _, ends = self._framed(runs)
+        begins = ends - [len(run) for run in runs]
+        headless: list[bool] = np.isin(begins, spans.start[spans.kind == REQUEST]).tolist()
+        return headless
 
     def _whole(self, tries: list[bytes]) -> list[bool]:
         """Tell which are a request with its answer right behind it, and nothing else."""
         if not tries:
             return []
-        ends = np.cumsum([len(one) for one in tries])
-        block = Block(np.frombuffer(b"".join(tries), np.uint8), ends[:-1], True)
-        spans, _ = self._protocol.frame(block)
+        spans, block, ends = self._framed(tries)
         answers = spans.end[spans.kind == RESPONSE]
         covered = np.zeros(len(tries), np.int64)
         np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
         whole: list[bool] = (np.isin(ends, answers) & (covered == [len(t) for t in tries])).tolist()
         return whole
+
+    def _framed(self, runs: list[bytes]) -> tuple[Spans, Block, I64]:
+        """Return what the protocol frames in each of some runs of bytes, and where each ends."""
+        ends = np.cumsum([len(one) for one in runs])
+        block = Block(np.frombuffer(b"".join(runs), np.uint8), ends[:-1], True)
+        return self._protocol.frame(block)[0], block, ends
 
 
 def _near(ago: list[int]) -> list[int]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
+from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.stamps import grid_ns, steadiest_ns
@@ -159,12 +160,14 @@ def _owner(case: Case) -> Owner | None:
 
 def _traces(case: Case) -> Sequence[TornPlace]:
     """Return places whose time is known: torn ones, and second answers."""
-    places = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
+    torn = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
+    requests, answers = heard(case)
+    places = [d for d in torn if d.at not in requests and d.at not in answers]
     within, headed = named_within(case), named_by_header(case)
     # what names the servo asked, and stands before its whole answer, is one of two answers of it
     first = {d.at: d.servo_id for d in places if d.is_answered and headed.get(d.at) == d.servo_id}
     behind = [d for d in places if _is_behind(d)]
-    torn = [
+    traces = [
         TornPlace(
             d.at,
             d.length,
@@ -185,7 +188,7 @@ def _traces(case: Case) -> Sequence[TornPlace]:
     bare = [_second(d, case.ledger.byte_ns) for d in behind]
     unnamed = [*(s for s in whole if not _names(case, s)), *bare]
     return [
-        *torn,
+        *traces,
         *(_named(s) for s in whole if _names(case, s)),
         *_less_steady(unnamed, grid_ns(case)),
     ]

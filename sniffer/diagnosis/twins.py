@@ -16,6 +16,7 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.followed import followed
+from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
@@ -127,8 +128,11 @@ def _twins(case: Case) -> Mapping[int, Twin]:
             earlier.foreign.append(d)
     late = _late_twins(case)
     strays = [d for d in case.damages if d.turn == AT_TURN]
-    # a request some bits of which are wrong was hit by a pulse, not by an answer
-    torn = [d for d in case.damages if d.turn == IN_REQUEST and not d.alike]
+    # a request some bits of which are wrong was hit by a pulse, not by an answer; one that is
+    # answered was heard whole
+    requests_torn = [d for d in case.damages if d.turn == IN_REQUEST]
+    answered = heard(case).requests
+    torn = [d for d in requests_torn if not d.alike and d.at not in answered]
     one = _behind_one(case, strays, SOME)
     if one in found and one not in late:
         found[one].stray += strays
@@ -141,7 +145,7 @@ def _twins(case: Case) -> Mapping[int, Twin]:
     _spare(case, found)
     if everything is not None:
         _give(found, everything)
-    ends = {d.at + d.length for d in torn}
+    ends = {d.at + d.length for d in requests_torn}
     for servo, twin in found.items():
         events = case.anomalies("duplicate-response", servo_id=servo)
         rows = case.alarm_rows("duplicate-response", servo_id=servo)

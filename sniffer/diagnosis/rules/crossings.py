@@ -8,6 +8,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.heard import heard, is_mostly_heard
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.overlaid import of_two
 from sniffer.diagnosis.placed import finding_of
@@ -214,10 +215,12 @@ def spoken_into(case: Case) -> Iterator[Finding]:
         return
     shared = max(header_of(known), 1)
     judged, shown = 0, []
+    # two requests at once look now and then like one and the answer to it, not mostly
+    answered = heard(case).requests if is_mostly_heard(case) else frozenset()
     for d in case.damages:
         whole = d.length == len(d.got) > HEAD and d.turn == IN_REQUEST
         begun = [q for q in known if alike(d.got, q) >= shared] if whole else []
-        if not begun or of_twins(case, d):
+        if not begun or d.at in answered or of_twins(case, d):
             continue
         judged += 1
         shown += [] if _is_one(d.got, begun, known) else [d]
