@@ -270,7 +270,10 @@ def test_the_index_records_are_those_that_the_library_writes() -> None:
         )
         wanted += as_bytes(told)
         numbers = np.array(channels, np.uint16), np.array(counts)
-        index.add(ChunkNote(at, length, first, first + 7, name, length // 2, size, *numbers))
+        note = ChunkNote(
+            at, length, first, first + 7, name, length // 2, size, *numbers, numbers[1]
+        )
+        index.add(note)
         at = here + rng.choice([0, 0, 300])
     assert b"".join(index) == wanted
 

@@ -7,19 +7,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from mcap import records
+from mcap.records import Message, MessageIndex
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, Clock
+from sniffer.mcapfile.index import as_bytes
 from sniffer.mcapfile.reads import ReadValues
 from sniffer.mcapfile.sink import McapSink
-from tests.recordings import MESSAGES, heads, messages, talk
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.render import usb_reads
+from tests.recordings import MESSAGES, START_NS, heads, messages, talk
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     import numpy.typing as npt
-
-    from sniffer.ground.model import Chunk
 
 GOAL, POSITION, LOAD = range(3)
 
@@ -80,6 +85,56 @@ def test_which_values_share_a_message_does_not_depend_on_when_they_were_decoded(
     assert mine
     for topic in mine:
         assert found[topic] == wanted[topic], topic
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_the_index_has_each_field_of_a_servo_every_10_ms_and_of_a_conversion_all_states(
+    tmp_path: Path, *, live: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    frames = simulate("lss", seed=1, full=True, baud=921600, start_ns=START_NS, duration_s=0.3)
+    said = [Chunk(data, t, Clock.READ, "bus0") for t, data in usb_reads(frames, 921600)]
+    states(path, "lss", said, 50, live=live, flush_ns=0, topics=["state"])
+    told, named = [], []
+    for there, index in indexed(path):
+        told += [fields(state) for state in there.values()]
+        named += [fields(there[at]) for at in index]
+        mine, looked_up = ({there[at].channel_id for at in places} for places in (there, index))
+        assert looked_up == mine, "who looks a topic up finds no other chunk"
+    assert len(told) > 300
+    if live:
+        assert set().union(*named) == set().union(*told)
+        assert len(named) < len(told) / 2
+    else:
+        assert sorted(map(sorted, named)) == sorted(map(sorted, told))
+
+
+def indexed(path: Path) -> Iterator[tuple[dict[int, Message], list[int]]]:
+    """Yield the states of each chunk by their places in it, and the places that its index names."""
+    topic = topics(path)
+    found: dict[int, Message] = {}
+    named: list[int] = []
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+            if isinstance(record, MessageIndex) and topic[record.channel_id].endswith("/state"):
+                named += [at for _, at in record.records]
+                assert all(found[at].log_time == log for log, at in record.records)
+                assert {found[at].channel_id for _, at in record.records} == {record.channel_id}
+            elif isinstance(record, records.Chunk):
+                yield found, named
+                found, named, place = {}, [], 0
+                for inner in breakup_chunk(record):
+                    if isinstance(inner, Message) and topic[inner.channel_id].endswith("/state"):
+                        found[place] = inner
+                    place += len(as_bytes(inner))
+    yield found, named
+
+
+def fields(message: Message) -> set[tuple[int, int, int]]:
+    """Return what the fields of a state are found by: channel, time to 10 ms, number."""
+    state = MESSAGES["servo_sniffer.ServoState"].FromString(message.data)
+    of = message.channel_id, message.log_time // 10_000_000
+    return {(*of, field.number) for field, _ in state.ListFields() if field.number >= 4}
 
 
 def test_a_message_ends_where_a_field_comes_again_or_the_servo_or_the_read_is_another() -> None:

@@ -58,7 +58,7 @@ def as_bytes(record: McapRecord) -> bytes:
 class ChunkNote:
     """What the index says of a chunk: ``channels`` and ``counts`` are those of its messages.
 
-    ``indexed``: each channel has a message index behind the chunk.
+    ``entries``: how many each channel has in the message index behind it; none where none is.
     """
 
     start: int
@@ -70,7 +70,7 @@ class ChunkNote:
     size: int
     channels: U16
     counts: I64
-    indexed: bool = True
+    entries: I64
 
 
 _U64: Final = (1 << 64) - 1
@@ -85,7 +85,7 @@ class ChunkIndexes:
         self._pieces: list[tuple[int, bytes]] = []
         self._rows: list[tuple[int, ...]] = []
         self._channels: list[U16] = []
-        self._counts: list[I64] = []
+        self._entries: list[I64] = []
 
     def add(self, note: ChunkNote) -> None:
         """Append."""
@@ -95,20 +95,20 @@ class ChunkIndexes:
             self._compressions.append(n.compression)
         kind = self._compressions.index(n.compression)
         numbers = (n.start, n.length, n.first, n.last, n.packed, n.size)
-        shown = len(n.channels) if n.indexed else 0
+        shown = len(n.entries)
         self._rows.append((*numbers, shown, kind))
         self._channels.append(n.channels[:shown])
-        self._counts.append(n.counts[:shown])
+        self._entries.append(n.entries)
         if len(self._rows) == PIECE:
             data = b"".join((
                 np.diff(self._table(), axis=0, prepend=0).T.astype("<i8").tobytes(),
                 np.concatenate(self._channels).astype("<u2").tobytes(),
-                np.concatenate(self._counts).astype("<u4").tobytes(),
+                np.concatenate(self._entries).astype("<u4").tobytes(),
             ))  # fmt: skip
             # a copy, because what the compressor returns keeps the room for the worst case
             packed = bytes(memoryview(zstandard.ZstdCompressor(level=LEVEL).compress(data)))
             self._pieces.append((len(self._rows), packed))
-            self._rows, self._channels, self._counts = [], [], []
+            self._rows, self._channels, self._entries = [], [], []
 
     @property
     def held(self) -> int:
@@ -128,13 +128,13 @@ class ChunkIndexes:
             rows = np.frombuffer(data, "<i8", n * width).reshape(width, n).cumsum(axis=1).T
             total = int(rows[:, 6].sum())
             channels = np.frombuffer(data, "<u2", total, 8 * n * width)
-            counts = np.frombuffer(data, "<u4", total, 8 * n * width + 2 * total)
-            yield self._records(rows, channels, counts.astype(np.int64))
+            entries = np.frombuffer(data, "<u4", total, 8 * n * width + 2 * total)
+            yield self._records(rows, channels, entries.astype(np.int64))
         if self._rows:
-            channels, counts = np.concatenate(self._channels), np.concatenate(self._counts)
-            yield self._records(self._table(), channels, counts)
+            channels, entries = np.concatenate(self._channels), np.concatenate(self._entries)
+            yield self._records(self._table(), channels, entries)
 
-    def _records(self, rows: I64, channels: U16, counts: I64) -> bytes:
+    def _records(self, rows: I64, channels: U16, entries: I64) -> bytes:
         """Return the records of some chunks, in their order."""
         out: list[bytes] = [b""] * len(rows)
         begin = np.cumsum(rows[:, 6]) - rows[:, 6]
@@ -149,7 +149,7 @@ class ChunkIndexes:
             if name:
                 record["name"] = np.void(name)
             which = begin[mine][:, None] + np.arange(k)
-            sizes = MESSAGE_INDEX + 16 * counts[which]
+            sizes = MESSAGE_INDEX + 16 * entries[which]
             at = (rows[mine, 0] + rows[mine, 1])[:, None] + np.cumsum(sizes, axis=1) - sizes
             if k:
                 record["index"]["channel"], record["index"]["at"] = channels[which], at

@@ -67,8 +67,8 @@ class BusWriter:
         start: offset of its first byte.
         queue: takes the records.
         open_channel: opens a channel (topic, message type, metadata) and returns its id.
-        counted: whether messages are numbered in each channel. It packs worse by an eighth, and
-            nothing that reads recordings asks for it: a live one leaves it out.
+        live: messages are not numbered in each channel, which packs worse by an eighth, and
+            nothing that reads recordings asks for it; and the index does not name all states.
         ros2: writes what ROS 2 understands of it, None: nobody does.
         published: the publish time, in ns, that the frames of each bus have reached; kept up to
             date here, and shared by the files of one recording.
@@ -82,7 +82,7 @@ class BusWriter:
         queue: Queue,
         open_channel: Callable[[str, type[Message] | MessageType, Mapping[str, str]], int],
         *,
-        counted: bool = True,
+        live: bool = False,
         ros2: RosWriter | None = None,
         published: dict[str, int] | None = None,
         names: ServoNames | None = None,
@@ -103,7 +103,7 @@ class BusWriter:
         self._baud = baud
         self._queue = queue
         self._open = open_channel
-        self._counted = counted
+        self._live = live
         self._channels: dict[str, int] = {}
         self._sequences: dict[int, int] = {}
         self._times: dict[int, tuple[int, int]] = {}
@@ -162,7 +162,7 @@ class BusWriter:
                 self._begin,
                 self._queue,
                 self._open,
-                counted=self._counted,
+                live=self._live,
                 ros2=self._ros2,
                 published=self._published,
             )
@@ -261,7 +261,13 @@ class BusWriter:
         self._frames = Encoder(Frame, protocol.op_name, FRAME_ORDER)
         self._transactions = Encoder(Transaction, protocol.op_name, TRANSACTION_ORDER)
         self._states = States(
-            protocol, self._queue, self._channel, self._count_up, self._root, self._ros2
+            protocol,
+            self._queue,
+            self._channel,
+            self._count_up,
+            self._root,
+            self._ros2,
+            live=self._live,
         )
 
     def _write_frames(self, batch: Batch, log: I64, publish: I64) -> None:
@@ -379,7 +385,7 @@ class BusWriter:
 
     def _count_up(self, channel: int, n: int) -> npt.NDArray[np.uint32]:
         """Return the next sequence numbers of a channel; they wrap."""
-        if not self._counted:
+        if self._live:
             return np.zeros(n, np.uint32)
         first = self._sequences.get(channel, 0)
         self._sequences[channel] = first + n

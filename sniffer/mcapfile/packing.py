@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
     from sniffer.mcapfile.queue import Sorted, Unsorted
     from sniffer.mcapfile.rows import U16
 
@@ -47,21 +47,22 @@ _INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
 class ChunkContents(NamedTuple):
     """What a chunk is made of: its records, and the messages among them.
 
-    ``at`` is where in ``data`` each message stands, ``indexed`` whether the index will say so.
+    ``at`` is where in ``data`` each message stands, ``listed`` whether the index says so, None: it
+    has no index.
     """
 
     data: bytes | memoryview
     log: I64
     channel: U16
     at: I64
-    indexed: bool
+    listed: Mask | None
 
     @classmethod
     def of(cls, rows: Sorted, head: bytes, *, indexed: bool) -> ChunkContents:
         """Return messages with other records before them."""
         data = b"".join((head, rows.data)) if head else rows.data
         at = rows.start + len(head) if head else rows.start
-        return cls(data, rows.log, rows.channel, at, indexed)
+        return cls(data, rows.log, rows.channel, at, rows.listed if indexed else None)
 
 
 class ReadyChunk(NamedTuple):
@@ -73,7 +74,7 @@ class ReadyChunk(NamedTuple):
 
 def ready(compression: str, packed: bytes, crc: int, contents: ChunkContents) -> ReadyChunk:
     """Return a chunk whose records are packed already; ``crc`` is the sum of those."""
-    data, log, channel, at, indexed = contents
+    data, log, channel, at, listed = contents
     times = log.astype(np.uint64)  # as the format has them, whatever a damaged one says
     first, last = int(times.min()), int(times.max())
     name = compression.encode()
@@ -84,10 +85,19 @@ def ready(compression: str, packed: bytes, crc: int, contents: ChunkContents) ->
     ids = np.flatnonzero(counts).astype(np.uint16)
     counts = counts[ids]
     parts = [head, packed]
-    if indexed:
-        parts += _message_indexes(ids, counts, times, channel, at)
+    entries = counts[:0]
+    if listed is not None:
+        if not listed.all():
+            # who looks a topic up finds the chunk by the index that it has for it
+            earliest = np.empty(int(ids[-1]) + 1, np.int64)
+            earliest[channel[::-1]] = np.arange(len(channel))[::-1]
+            listed = listed.copy()
+            listed[earliest[ids]] = True
+            times, channel, at = times[listed], channel[listed], at[listed]
+        entries = np.bincount(channel)[ids]
+        parts += _message_indexes(ids, entries, times, channel, at)
     length = len(head) + len(packed)
-    told = compression, len(packed), len(data), ids, counts, indexed
+    told = compression, len(packed), len(data), ids, counts, entries
     return ReadyChunk(b"".join(parts), ChunkNote(0, length, first, last, *told))
 
 

@@ -22,13 +22,17 @@ CHUNK: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Sorted:
-    """Message records side by side in ``data``, in the order of their log times."""
+    """Message records side by side in ``data``, in the order of their log times.
+
+    ``listed``: whether an index names it.
+    """
 
     data: memoryview
     log: I64
     channel: U16
     start: I64
     end: I64
+    listed: Mask
 
     @classmethod
     def of(cls, rows: list[tuple[int, int, bytes]]) -> Sorted:
@@ -38,7 +42,8 @@ class Sorted:
         widths = np.fromiter(map(len, records), np.int64, len(records))
         end = np.cumsum(widths)
         ids = np.array(channel, np.uint16)
-        return cls(memoryview(b"".join(records)), np.array(log, np.int64), ids, end - widths, end)
+        data, listed = memoryview(b"".join(records)), np.ones(len(records), bool)
+        return cls(data, np.array(log, np.int64), ids, end - widths, end, listed)
 
     def only(self, rows: Mask) -> Sorted | None:
         """Return some of the records, None where there are none."""
@@ -50,7 +55,8 @@ class Sorted:
         data = b"".join([self.data[a:b] for a, b in spans])
         widths = self.end[rows] - self.start[rows]
         end = np.cumsum(widths)
-        return Sorted(memoryview(data), self.log[rows], self.channel[rows], end - widths, end)
+        log, channel, listed = self.log[rows], self.channel[rows], self.listed[rows]
+        return Sorted(memoryview(data), log, channel, end - widths, end, listed)
 
     def pieces(self, size: int = CHUNK) -> Iterator[Sorted]:
         """Yield it in pieces of about ``size`` bytes."""
@@ -65,6 +71,7 @@ class Sorted:
                 self.channel[rows],
                 self.start[rows] - begin,
                 self.end[rows] - begin,
+                self.listed[rows],
             )
             a = b
 
@@ -94,17 +101,22 @@ class Unsorted:
         order = np.lexsort((np.concatenate([p.heads.rank for p in parts]), log))
         where = np.empty(len(order), np.int64)
         where[order] = np.arange(len(order))
-        return _laid(parts, where, np.maximum(log[order], floor), channel[order], widths[order])
+        log, listed = np.maximum(log[order], floor), np.ones(len(order), bool)
+        return _laid(parts, where, log, channel[order], widths[order], listed)
 
 
 @dataclass(frozen=True, slots=True)
 class _Lot:
-    """Records that were queued together; their ranks are the ``count`` ones from ``first`` on."""
+    """Records that were queued together; their ranks are the ``count`` ones from ``first`` on.
+
+    ``listed`` has one entry a rank, None: an index names all of them.
+    """
 
     topic: str
     parts: tuple[MessageRows | Loose, ...]
     first: int
     count: int
+    listed: Mask | None
 
 
 class Queue:
@@ -129,12 +141,15 @@ class Queue:
         self._ranks += n
         return np.arange(self._ranks - n, self._ranks)
 
-    def add(self, topic: str, *parts: MessageRows | Loose) -> None:
-        """Take records of one bus and topic; all that ``ranks`` returned in one call together."""
+    def add(self, topic: str, *parts: MessageRows | Loose, listed: Mask | None = None) -> None:
+        """Take records of one bus and topic; all that ``ranks`` returned in one call together.
+
+        ``listed``: which of them, by rank, the index of a live recording names, None: all.
+        """
         if parts:
             count = sum(len(part.heads.rank) for part in parts)
             first = min(int(part.heads.rank.min()) for part in parts)
-            self._lots.append(_Lot(topic, parts, first, count))
+            self._lots.append(_Lot(topic, parts, first, count, listed))
             self.size += sum(int(part.widths.sum()) for part in parts)
 
     def take(self, until: int | None) -> Unsorted | None:
@@ -164,10 +179,12 @@ class Queue:
         begin = np.cumsum([lot.count for lot in mine]) - [lot.count for lot in mine]
         total = sum(lot.count for lot in mine)
         log, channel = np.empty(total, np.int64), np.empty(total, np.uint16)
-        widths = np.empty(total, np.int64)
+        widths, listed = np.empty(total, np.int64), np.ones(total, bool)
         parts: list[MessageRows | Loose] = []
         places: list[I64] = []
         for lot, at in zip(mine, begin.tolist(), strict=True):
+            if lot.listed is not None:
+                listed[at : at + lot.count] = lot.listed
             for part in lot.parts:
                 place = part.heads.rank + (at - lot.first)
                 log[place], channel[place] = part.heads.log, part.heads.channel
@@ -175,15 +192,20 @@ class Queue:
                 self.size -= int(part.widths.sum())
                 parts.append(part)
                 places.append(place)
-        return _laid(parts, np.concatenate(places), log, channel, widths)
+        return _laid(parts, np.concatenate(places), log, channel, widths, listed)
 
 
 def _laid(
-    parts: Sequence[MessageRows | Loose], where: I64, log: I64, channel: U16, widths: I64
+    parts: Sequence[MessageRows | Loose],
+    where: I64,
+    log: I64,
+    channel: U16,
+    widths: I64,
+    listed: Mask,
 ) -> Sorted:
     """Write records side by side: row n of all parts joined goes to place ``where[n]``.
 
-    ``log``, ``channel`` and ``widths`` are by place.
+    ``log`` and all behind it are by place.
     """
     end = np.cumsum(widths)
     start = end - widths
@@ -195,4 +217,4 @@ def _laid(
         part.place(out, at[begin : begin + n])
         begin += n
     np.ndarray((len(out) - LOG_AT - 7,), "<i8", out, LOG_AT, (1,))[start] = log
-    return Sorted(out, log, channel, start, end)
+    return Sorted(out, log, channel, start, end, listed)

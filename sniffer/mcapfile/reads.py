@@ -1,8 +1,9 @@
 """What frames made known of servos, and which of it shares a message: what came in one read.
 
-A message of its own costs 16 bytes of index beside what it says, and most reads bring both what a
-servo was told and what it answered. All that came in one read has one log time, so a plot over it
-shows the same. A value is never left out: where a read brings a field twice there are two messages.
+A message of its own costs its head and mostly 16 bytes of index beside what it says, and most reads
+bring both what a servo was told and what it answered. All that came in one read has one log time,
+so a plot over it shows the same. A value is never left out: where a read brings a field twice there
+are two messages.
 
 The reads are those that the recording has, however they were decoded: live, again, or in parts. So
 what came in a read that is not decoded to its end waits for the rest.

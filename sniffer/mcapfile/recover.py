@@ -140,7 +140,8 @@ def _copy(
         if len(p.at):
             topics = {kind_of(records.channels[c].topic) for c in np.unique(p.channel).tolist()}
             indexed = p.indexed or not topics <= {"raw", *BULK}
-            contents = ChunkContents(p.data, p.log, p.channel, p.at, indexed)
+            listed = np.ones(len(p.at), bool) if indexed else None
+            contents = ChunkContents(p.data, p.log, p.channel, p.at, listed)
             file.chunk(p.compression, p.packed, p.crc, contents)
             tail.look(p)
         return len(p.at)

@@ -22,13 +22,13 @@ from sniffer.messages import CHOICES, FLAT, PLOTS, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from typing import Protocol
 
     import numpy.typing as npt
     from google.protobuf.message import Message
 
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Mask
     from sniffer.mcapfile.kinds import MessageType
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
@@ -41,6 +41,12 @@ if TYPE_CHECKING:
             """``facts`` are what the channel says of itself."""
             ...
 
+
+LISTED_NS: Final = 10_000_000
+"""The index of a live recording names no more states than have each field of a servo so often.
+
+It is 16 bytes for each one and nothing packs it. Full lines say some 700 states a second of each
+servo: to name all would take as much as the raw bytes."""
 
 RESPONSE_TIME: Final = "response_time_ms"
 """A field of a state that is no register's."""
@@ -56,6 +62,7 @@ class States:
         count_up: returns the next sequence numbers of a channel.
         bus: its name.
         ros2: writes what ROS 2 understands of it, None: nobody does.
+        live: of states the index names no more than it must, see ``LISTED_NS``.
     """
 
     def __init__(
@@ -66,6 +73,8 @@ class States:
         count_up: Callable[[int, int], npt.NDArray[np.uint32]],
         bus: str,
         ros2: RosWriter | None,
+        *,
+        live: bool,
     ) -> None:
         self.seen: dict[str, set[str]] = {}
         """Fields that the states of a topic had so far."""
@@ -73,6 +82,7 @@ class States:
         self._channel = channel
         self._bus, self._ros2 = bus, ros2
         self._count_up = count_up
+        self._live = live
         fields = [state_field(register) for register in protocol.registers]
         self.names = [*sorted({name for name in fields if name is not None}), RESPONSE_TIME]
         at = {name: i for i, name in enumerate(self.names[:-1])}
@@ -168,17 +178,21 @@ class States:
             column[at] = known.value[which]
             optional[self.names[i]] = (column, there)
         channel, sequence = np.empty(n, np.uint16), np.empty(n, np.uint32)
-        for number in distinct(servo)[0].tolist():
-            which = np.flatnonzero(servo == number)
+        servos, place, _ = distinct(servo)
+        for k, number in enumerate(servos.tolist()):
+            which = np.flatnonzero(place == k)
             topic = f"servo/{_who(number)}/state"
             channel[which] = self._channel(topic, ServoState, servo_id=_who(number))
             sequence[which] = self._count_up(int(channel[which[0]]), len(which))
             seen = self.seen.setdefault(topic, set())
             seen.update(name for name, (_, there) in optional.items() if there[which].any())
         ranks = self._queue.ranks(n)
-        heads = Heads(channel, sequence, known.log[last], known.publish[last], ranks)
+        log = known.log[last]
+        heads = Heads(channel, sequence, log, known.publish[last], ranks)
         numbers: dict[str, Any] = {"offset": known.offset[last], "kind": known.kind[last]}
-        self._queue.add("state", *self._states.encode(heads, numbers, optional))
+        fields = (there for _, there in optional.values())
+        listed = _listed(place, log, fields) if self._live and n else None
+        self._queue.add("state", *self._states.encode(heads, numbers, optional), listed=listed)
 
     def _alone(
         self,
@@ -216,6 +230,25 @@ class States:
             np.concatenate([told.value, t.response_time_ns[timed] / 1e6]),
         )
         return both.take(np.argsort(both.row, kind="stable"))
+
+
+def _listed(servo: I64, log: I64, fields: Iterable[Mask]) -> Mask:
+    """Return which messages an index must name to name each field every ``LISTED_NS``.
+
+    ``servo`` counts the servos, ``fields`` tells for each one which messages have it. Three reads
+    of one servo within that time: goal, position | position | position, load. The first and the
+    last are named.
+    """
+    period = np.cumsum(np.diff(log // LISTED_NS, prepend=0) != 0)
+    key = period * (int(servo.max()) + 1) + servo
+    first = np.empty(int(key.max()) + 1, np.int64)
+    listed = np.zeros(len(log), bool)
+    for there in fields:
+        late_first = np.flatnonzero(there)[::-1]
+        keys = key[late_first]
+        first[keys] = late_first  # of one key the last one stays, which is the earliest
+        listed[first[keys]] = True
+    return listed
 
 
 def flat_name(field: str) -> str:

@@ -183,7 +183,7 @@ class _Rest:
                 self.starts.get(name, 0),
                 self._queue,
                 self._file.channel,
-                counted=False,
+                live=True,
                 ros2=self._ros2,
             )
         return self._buses[name]

@@ -89,7 +89,7 @@ class FoxgloveSink:
         if bus not in self._buses:
             self._buses[bus] = BusWriter(
                 *(bus, self._bauds.get(bus), 0, self._queue, self._open),
-                counted=False,
+                live=True,
                 names=self._names,
             )
         self._buses[bus].write(protocol, batch)
