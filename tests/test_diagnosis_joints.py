@@ -49,6 +49,14 @@ def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
     assert verdicts(d.incidents()) == [("stall", (5,))]
 
 
+def test_a_motor_that_is_off_and_tries_again_for_moments_does_not_push() -> None:
+    held = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 900 if t < 1.5 else 40))
+    tries = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 40 if t % 3 > 0.3 else 900))
+    assert "joint-stalled" in codes(held)
+    assert "joint-stalled" not in codes(tries)
+    assert verdicts(tries.incidents()) == [("torque-off", (5,))]
+
+
 def looked_at_once_a_move(protocol: str, place: Callable[[float, float], float]) -> Diagnosis:
     """Return the diagnosis of two joints that are sent somewhere, and looked at behind each move.
 

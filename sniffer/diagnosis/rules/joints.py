@@ -100,6 +100,9 @@ ENOUGH_NS: Final = 2 * NS
 PUSHES: Final = 3
 """Quarter seconds for which a motor pushes before it gives up: less is a start, or a hard stop."""
 
+PAUSES_NS: Final = NS
+"""A motor that does nothing for longer does not push any more."""
+
 ALONG: Final = 4
 TOGETHER: Final = 0.8
 HARDER: Final = 2.0
@@ -272,6 +275,9 @@ def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> Away | None:
         first -= 1
     stood = (s.t_first >= p.t_first[first]) & (s.t <= away.last_ns)
     rows = np.flatnonzero(stood & (motor.steady >= motor.pushes_from))
+    # one push, and not the starts of a motor that cools down, tries again and gives up
+    pushes = np.split(rows, np.flatnonzero(s.t_first[rows[1:]] - s.t[rows[:-1]] > PAUSES_NS) + 1)
+    rows = max(pushes, key=len)
     if len(rows) < PUSHES or s.n[rows].sum() < LOOKS:
         return None
     low, high = in_force(one.goal, s.t[rows] - NS // 8, s.t[rows])
