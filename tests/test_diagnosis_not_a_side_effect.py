@@ -75,3 +75,10 @@ def test_of_a_digit_only_the_bits_are_seen_that_make_no_other_digit() -> None:
 def test_a_checksum_shows_each_bit_alike() -> None:
     assert chance_of([shares_of([b"\x01\x02"], frozenset())], [3]) == 1 / 8
     assert chance_of([], range(5, 8)) == 3 / 8
+
+
+@pytest.mark.parametrize("other", [Fault("flip", 0.03), Fault("impatient", 0.05)])
+def test_cycles_that_all_differ_are_no_two_rhythms_beside_a_fault(other: Fault) -> None:
+    said = {cause for cause, _ in told("lss", Fault("jitter", 1.0), other, seed=48, seconds=15)}
+    assert "two-masters" not in said
+    assert said
