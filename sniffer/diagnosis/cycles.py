@@ -127,9 +127,9 @@ def cycle_of(
     return spread, middle.high, low.high, high.low, periods.count(key)
 
 
-def is_in_bursts(case: Case, count: int, middle_ns: int) -> bool:
+def is_in_bursts(lasts_ns: int, count: int, middle_ns: int) -> bool:
     """Tell whether cycles, so many of such a length, come only now and then: by hand, as a rule."""
-    return count * middle_ns < RUNS * (case.last_ns - case.first_ns)
+    return count * middle_ns < RUNS * lasts_ns
 
 
 def is_steady_for_a_while(case: Case) -> bool:

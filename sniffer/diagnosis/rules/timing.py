@@ -53,7 +53,7 @@ FINDINGS: Final = (
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
         "lengths with none between, nor cycles that are all about as long as those around them; each cycle in "
-        "which something failed is left out at both ends, or where that is three tenths and more, one by "
+        "which something failed is left out at both ends, or where that is a tenth and more, one by "
         "one, with the cycle behind it; it goes on for most of the "
         "time; and what comes late does not come right behind something else that the program "
         "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
@@ -74,9 +74,10 @@ FINDINGS: Final = (
     ),
 )
 
-FAILS_MOST: Final = 0.3
+FAILS_MOST: Final = 0.1
 """Share of cycles left out at each end: those in which something failed, which a timeout makes longer
-and the next one shorter. Where it is more, they are told from the others one by one."""
+and the next one shorter. Where it is more, they are told from the others one by one: with so many
+left out nobody sees how uneven the others are."""
 
 MISSING: Final = "no-response"
 
@@ -154,11 +155,12 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     rest = exchanges.idle.at(0, 0.99)
     if not case.has_clock or not periods.keys or rest is None or rest.low < FREE_RUNNING_NS:
         return
-    most = every = max(map(periods.count, periods.keys))
+    most, lasts_ns = max(map(periods.count, periods.keys)), case.last_ns - case.first_ns
     edge = EDGE + _failing(case) / most
     if edge > FAILS_MOST:  # those in which nothing failed tell, where there are enough of them
         periods, edge = whole_cycles(case, MISSING, *DAMAGE), EDGE
         most = max(map(periods.count, periods.keys), default=0)
+        lasts_ns = max(map(periods.total, periods.keys), default=0)
     spreads = [
         found
         for key in periods.keys
@@ -174,8 +176,9 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
         return
     low, high, count = told[2:]
-    begun = count if periods is case.ledger.periods else every
-    if is_in_bursts(case, begun, middle) or is_steady_for_a_while(case) or is_kept_waiting(case):
+    if is_in_bursts(lasts_ns, count, middle):
+        return
+    if is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",
