@@ -59,10 +59,10 @@ def test_a_motor_that_is_off_and_tries_again_for_moments_does_not_push() -> None
 
 def test_a_joint_that_presses_where_its_one_goal_sent_it_may_do_so_by_plan() -> None:
     def closes(t: float) -> float:
-        return 40.0 if t % 8 > 4 else -40.0
+        return 40.0 if t % 8 >= 4 else -40.0
 
     def meets(t: float) -> float:
-        return min(120 * (t % 4) - 40, 10.0) if t % 8 > 4 else max(10 - 120 * (t % 4), -40.0)
+        return min(120 * (t % 4) - 40, 10.0) if t % 8 >= 4 else max(10 - 120 * (t % 4), -40.0)
 
     grips = lss(
         *polled(meets, closes, milliampere=lambda t: 700 if t % 8 > 4.5 else 50, seconds=24)
