@@ -49,6 +49,30 @@ def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
     assert verdicts(d.incidents()) == [("stall", (5,))]
 
 
+def test_a_motor_that_is_off_and_tries_again_for_moments_does_not_push() -> None:
+    held = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 900 if t < 1.5 else 40))
+    tries = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 40 if t % 3 > 0.3 else 900))
+    assert "joint-stalled" in codes(held)
+    assert "joint-stalled" not in codes(tries)
+    assert verdicts(tries.incidents()) == [("torque-off", (5,))]
+
+
+def test_a_joint_that_presses_where_its_one_goal_sent_it_may_do_so_by_plan() -> None:
+    def closes(t: float) -> float:
+        return 40.0 if t % 8 >= 4 else -40.0
+
+    def meets(t: float) -> float:
+        return min(120 * (t % 4) - 40, 10.0) if t % 8 >= 4 else max(10 - 120 * (t % 4), -40.0)
+
+    grips = lss(
+        *polled(meets, closes, milliampere=lambda t: 700 if t % 8 > 4.5 else 50, seconds=24)
+    )
+    (told,) = grips.incidents()
+    assert told.cause == "stall"
+    assert 0.5 < told.causes[0].confidence < 0.8
+    assert "a gripper that holds" in told.next
+
+
 def looked_at_once_a_move(protocol: str, place: Callable[[float, float], float]) -> Diagnosis:
     """Return the diagnosis of two joints that are sent somewhere, and looked at behind each move.
 

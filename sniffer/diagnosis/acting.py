@@ -40,9 +40,10 @@ def next_of(case: Case, explained: Explained) -> str:
         return of_all
     may_be = [f"that of servo {servo}" for servo in explained.key.may_be]
     may_be += [CAUSES[others[0].cause].title] if others else []
-    if first.confidence < SURE and may_be:
-        settle = (sign and sign.settle) or cause.settle
-        return f"{settle}{where} (It may be {may_be[0]} instead.)"
+    its_own = sign.settle if sign else ""
+    if first.confidence < SURE and (may_be or its_own):
+        instead = f" (It may be {may_be[0]} instead.)" if may_be else ""
+        return f"{its_own or cause.settle}{where}{instead}"
     return ((sign and sign.remedy) or told or cause.remedy) + where
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.histograms import Histograms
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -87,12 +88,31 @@ def is_parted(bins: I64, per_octave: int) -> bool:
     return len(parts) > 1 and (is_several or bool(2.0**wide - 1 < SPREAD))
 
 
-def cycle_of(case: Case, key: int, edge: float) -> tuple[int, int, int, int, int] | None:
+def whole_cycles(case: Case, *failures: str) -> Histograms:
+    """Return the times between like requests, by kind, in which nothing failed, nor right before.
+
+    Nothing where more failed than is known one by one.
+    """
+    out = Histograms(case.ledger.periods.per_octave)
+    failed = case.anomalies(*failures).t_ns
+    if case.count(*failures) > len(failed):
+        return out
+    for t, kind in case.ledger.exchanges.moments.stretches()[:1]:
+        for k in np.flatnonzero(np.bincount(kind[kind >= 0]) >= CYCLES).tolist():
+            begins = t[kind == k]
+            by_then = np.searchsorted(np.sort(failed), begins)
+            period = np.diff(begins)[1:][by_then[2:] == by_then[:-2]]
+            out.add(np.full(len(period), k), period, period)
+    return out
+
+
+def cycle_of(
+    case: Case, periods: Histograms, key: int, edge: float
+) -> tuple[int, int, int, int, int] | None:
     """Return by how much the times between like requests differ, their middle, ends and count.
 
     Ends are so far from the shortest and the longest that what failed cannot have made them.
     """
-    periods = case.ledger.periods
     low, middle, high = (periods.at(key, share) for share in (edge, 0.5, 1 - edge))
     if low is None or middle is None or high is None or periods.count(key) < CYCLES:
         return None
@@ -107,9 +127,9 @@ def cycle_of(case: Case, key: int, edge: float) -> tuple[int, int, int, int, int
     return spread, middle.high, low.high, high.low, periods.count(key)
 
 
-def is_in_bursts(case: Case, count: int, middle_ns: int) -> bool:
+def is_in_bursts(lasts_ns: int, count: int, middle_ns: int) -> bool:
     """Tell whether cycles, so many of such a length, come only now and then: by hand, as a rule."""
-    return count * middle_ns < RUNS * (case.last_ns - case.first_ns)
+    return count * middle_ns < RUNS * lasts_ns
 
 
 def is_steady_for_a_while(case: Case) -> bool:

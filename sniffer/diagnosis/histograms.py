@@ -74,6 +74,10 @@ class Histograms:
         """Return how many durations a key has."""
         return int(self._low[self._row[key]].sum()) if key in self._row else 0
 
+    def total(self, key: int) -> int:
+        """Return how long all durations of a key are, one behind the other, in ns."""
+        return int(self.counts(key) @ 2 ** (np.arange(self._bins) / self.per_octave))
+
     def at(self, key: int, share: float) -> Bounds | None:
         """Return the duration that ``share`` of a key's stay below, within bounds; None: no one."""
         count = self.count(key)

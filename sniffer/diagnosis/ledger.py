@@ -262,10 +262,7 @@ class Ledger:
                 t_first=since,
                 t_last=since,
             )
-        key = (
-            pair_key(f.servo_id[asks].astype(np.int64), f.op[asks]) * 4096
-            + np.maximum(f.address[asks], 0) % 4096
-        )
+        key = request_key(f.servo_id[asks].astype(np.int64), f.op[asks], f.address[asks])
         order, first = in_groups(key)
         last = np.append(first[1:], len(order)) - 1
         key, t = key[order], t_start[order]
@@ -384,3 +381,9 @@ class Ledger:
 def pair_key(servo_id: I64, op: I64) -> I64:
     """Return one number for a servo and a command."""
     return (servo_id + 1) << 32 | op & 0xFFFFFFFF
+
+
+def request_key(servo_id: I64, op: I64, address: I64) -> I64:
+    """Return one number for requests that are alike: a servo, a command and an address."""
+    key: I64 = pair_key(servo_id, op) * 4096 + np.maximum(address, 0) % 4096
+    return key

@@ -9,16 +9,18 @@ so nothing here knows a checksum.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.holding import held
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.seen import ALIKE, BITS, shares_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.seen import Shares
     from sniffer.protocols.base import BusProtocol
 
 LONGEST: Final = 48
@@ -26,8 +28,6 @@ LONGEST: Final = 48
 
 LEAST: Final = 3
 """Shorter frames have no bytes that never change."""
-
-BITS: Final = 8
 
 OF_EACH: Final = 60
 """Torn frames of one sender that are looked at: their bits differ no more after so many."""
@@ -71,6 +71,8 @@ class Misread:
     """The frame it was, as far as that is known; empty where it is not."""
     bit: int = -1
     """Which bit of a byte it was, where it was one, of whatever byte; -1: nobody knows."""
+    seen: Shares = ALIKE
+    """Which bits would be seen to be wrong, were all of them altered as often."""
 
     @property
     def servo_id(self) -> int:
@@ -105,14 +107,16 @@ def misread(
     whole = [d for d, t in zip(torn, tried, strict=True) if t]
     repaired = _repaired(protocol, whole, tuple(sorted(firsts)))
     found = iter(repaired)
-    signs = _signs(protocol, [*known, *itertools.chain(*known.values(), *alike)])
+    frames = [*known, *itertools.chain(*known.values(), *alike)]
+    signs = _signs(protocol, frames)
+    seen = shares_of(frames, signs)
     strange = [_strange(d, signs) for d in torn]
     if sum(one is not None for one in strange) < MOSTLY * len(torn):
         strange = [None] * len(torn)  # who speaks into lines makes such signs, too, beside others
     out = []
     for d, sound, is_tried, one in zip(torn, alike, tried, strange, strict=True):
         told = next(found) if is_tried else ()
-        out.append(one or _one(d, sound, told))
+        out.append(replace(one or _one(d, sound, told), seen=seen))
     return out
 
 

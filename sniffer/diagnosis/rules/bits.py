@@ -12,9 +12,10 @@ from sniffer.diagnosis.clocks import LEAST as SHORTEST
 from sniffer.diagnosis.clocks import LOOKED, clock_of
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
-from sniffer.diagnosis.misread import BITS, BITS_FEW, alike_of
+from sniffer.diagnosis.misread import BITS_FEW, alike_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.seen import BITS, chance_of
 from sniffer.ground.codes import REQUEST
 from sniffer.protocols.base import answer_begins
 
@@ -156,7 +157,7 @@ def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Find
     if len(singles) < SAME:
         return
     bit, count = Counter(f.bit for f in singles).most_common(1)[0]
-    chance = BITS * at_least(count, len(singles), 1 / BITS)
+    chance = BITS * at_least(count, len(singles), chance_of([m.seen for m in read], [bit]))
     # the same way, and behind the same level: chance has that more seldom
     (*_, lags), alike = (
         Counter((f.bit, f.up, f.lags) for f in singles if f.byte >= 0).most_common(1)[0]
@@ -181,7 +182,8 @@ def late_bits(case: Case) -> Iterator[Finding]:
     # the longer the row of low bits must be, the later is the first bit that falls
     for first in (ENDING, BITS // 2):
         late = [m for m in read if m.bit >= first]
-        chance = at_least(len(late), len(read), 1 - first / BITS)
+        likely = chance_of([m.seen for m in read], range(first, BITS))
+        chance = at_least(len(late), len(read), likely)
         if len(late) >= PURE * len(read) and chance <= CHANCE:
             break
     else:
@@ -228,15 +230,17 @@ def last_bits(case: Case) -> Iterator[Finding]:
         # the stop bit is the last one: a clock that tears answers misses it in nearly all of them
         alone = alone and mine >= STOPS * case.total("damaged", servo)
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
-        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
+        likely = chance_of([m.seen for m in read], range(ENDING, BITS))
+        chance = at_least(late, len(flips), likely) if bitwise else 1.0
         # frames that one bit explains, of whatever byte
         whole = [m.bit for m in read if m.bit >= 0]
         ends_whole = sum(bit >= ENDING for bit in whole)
         if not bitwise and len(whole) >= SAME and ends_whole >= PURE * max(len(whole), of_frames):
-            bitwise, late, chance = True, ends_whole, at_least(ends_whole, len(whole), 0.375)
+            bitwise, late, chance = True, ends_whole, at_least(ends_whole, len(whole), likely)
             flips = [f for m in read if m.bit >= 0 for f in m.flips]
         if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):
-            bitwise, chance, late = True, 0.5**half, half
+            likely = chance_of([m.seen for m in read], range(BITS // 2, BITS))
+            bitwise, chance, late = True, likely**half, half
         bitwise = bitwise and not _at_the_turn([m for m in read if m.flips])
         if not (alone or bitwise):
             continue

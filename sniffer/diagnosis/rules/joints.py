@@ -30,7 +30,8 @@ FINDINGS: Final = (
         "joint-stalled",
         "device",
         "A joint is far from its goal, does not come nearer, and its motor pushes.",
-        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error.",
+        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error. It counts half where the joint each time came there by itself, on the way to one goal, and leaves with the next one.",
+        settle="Ask whether it is meant to press there: a gripper that holds and a joint that homes against its stop look alike on the wire. If it is not, move the joint by hand with torque off.",
     ),
     FindingCode(
         "joint-limp",
@@ -100,6 +101,9 @@ ENOUGH_NS: Final = 2 * NS
 PUSHES: Final = 3
 """Quarter seconds for which a motor pushes before it gives up: less is a start, or a hard stop."""
 
+PAUSES_NS: Final = NS
+"""A motor that does nothing for longer does not push any more."""
+
 ALONG: Final = 4
 TOGETHER: Final = 0.8
 HARDER: Final = 2.0
@@ -112,6 +116,9 @@ WELL: Final = 1.5
 
 LONE: Final = 0.6
 """How much it counts where no joint of the bus ever followed: positions may be no measurements."""
+
+PERHAPS: Final = 0.5
+"""How much it counts that a joint presses as it would by plan."""
 
 FEW: Final = 2
 DISPLACED: Final = 0.5
@@ -272,6 +279,9 @@ def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> Away | None:
         first -= 1
     stood = (s.t_first >= p.t_first[first]) & (s.t <= away.last_ns)
     rows = np.flatnonzero(stood & (motor.steady >= motor.pushes_from))
+    # one push, and not the starts of a motor that cools down, tries again and gives up
+    pushes = np.split(rows, np.flatnonzero(s.t_first[rows[1:]] - s.t[rows[:-1]] > PAUSES_NS) + 1)
+    rows = max(pushes, key=len)
     if len(rows) < PUSHES or s.n[rows].sum() < LOOKS:
         return None
     low, high = in_force(one.goal, s.t[rows] - NS // 8, s.t[rows])
@@ -329,7 +339,7 @@ def _found(
     longest = max(several, key=lambda a: a.last_ns - a.first_ns)
     took_ns = longest.last_ns - longest.first_ns
     motor = effort(case, servo)
-    works = ""
+    works, by_plan = "", code == "joint-stalled" and all(_presses(one, a) for a in several)
     if motor is not None:
         steady, peaks = motor.between(longest.first_ns + NS // 2, longest.last_ns)
         shown = steady if code == "joint-stalled" else peaks
@@ -350,6 +360,10 @@ def _found(
         what = f"goal {goals.told(goals.first[g])}"
         places += (Place(int(goals.at[g]), 1, int(goals.t_first[g]), what),)
     sure = 1.0 if took_ns >= ENOUGH_NS or len(several) > 1 else 0.8
+    sure *= PERHAPS if by_plan else 1.0
+    meant = (
+        "; it came there on the way to that goal, as one does that is to press" if by_plan else ""
+    )
     return Finding(
         code,
         servo,
@@ -357,7 +371,7 @@ def _found(
         several[-1].last_ns,
         len(several),
         f"servo {servo} stood at {p.told(p.last[longest.last])} for {took_ns / NS:.1f} s"
-        f"{during}{works}",
+        f"{during}{works}{meant}",
         places,
         strength=sure if moved else LONE * sure,
         brief=_BRIEF[code].format(servo),

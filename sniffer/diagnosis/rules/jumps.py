@@ -83,6 +83,15 @@ def positions(case: Case) -> Iterator[Finding]:
                 break
 
 
+def altered_bare(case: Case) -> int:
+    """Return of how many servos bare answers are altered, as their values show; one proves nothing.
+
+    Such an answer holds whatever was altered in it: that none looks torn says nothing of answers.
+    """
+    jump = 0 if case.has_checksum else sum(1 for _ in positions(case))
+    return jump if jump > 1 else 0
+
+
 def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Leap]:
     """Return the steps that no joint does."""
     if len(p) < 8:

@@ -14,6 +14,7 @@ from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST, STR
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.held import FALLS
+from sniffer.diagnosis.rules.jumps import altered_bare
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import NS
@@ -161,13 +162,20 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         f"{left} of {answers} answers of {counted(len(answered), 'servo')} and "
         f"{asked_torn} of {requests} requests are damaged"
     )
+    altered = case.once(altered_bare)
+    if altered:
+        what += f"; values of {counted(altered, 'servo')} are in doubt"
     if left >= LEAST and at_least(left, left + asked_torn, share) < CHANCE:
         yield _damage(case, rows, "damage-in-answers", None, what, "answers damaged")
-    elif asked_torn >= LEAST and at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE:
+    elif (
+        asked_torn >= LEAST
+        and at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE
+        and not altered
+    ):
         yield _damage(case, rows, "damage-in-requests", None, what, "requests damaged")
     else:
         sure = min(0.5 + (left + asked_torn) / (2 * PLENTY), 1.0)
-        sure *= 1.0 if left and asked_torn else ONE_WAY
+        sure *= 1.0 if left + altered and asked_torn else ONE_WAY
         yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged", sure)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.ledger import request_key
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.streams import TIMERS, do_meet, least_together
 from sniffer.diagnosis.stamps import EXACT_NS
@@ -24,7 +25,8 @@ FINDINGS: Final = (
         "interleaved-requests",
         "pairing",
         "The same requests come in two rhythms at once: at an even period, and at any time between.",
-        "Of two servos' requests a quarter or more come sooner than their period, spread evenly over it, and hardly one later.",
+        "Of two servos' requests a quarter or more come sooner than their period, spread evenly over it, and hardly one later; "
+        "and one period before a request stands another twice as often as by chance, whatever stands between.",
     ),
     FindingCode(
         "unrelated-periods",
@@ -52,6 +54,11 @@ LATER: Final = 0.2
 EVEN: Final = 0.24
 """What comes sooner is spread: no twentieth of an octave holds more than this part of it. A loop
 that waits for what is missing has a few periods, each of which holds a third or so."""
+
+BEATS: Final = 2.0
+WITHIN: Final = 0.05
+"""How many times as often as by chance a request stands one period before another, so nearly: who
+keeps a rhythm has them in three of five cases, a loop whose cycles all differ hardly oftener than chance."""
 
 TIGHT: Final = 0.6
 """Part of the periods that are the usual one, where one program keeps the time."""
@@ -113,6 +120,7 @@ def interleaved(case: Case) -> Iterator[Finding]:
         and r.lump <= EVEN
         and r.soonest_ns < 0.4 * r.period_ns
         and r.period_ns > BLUR * case.latency_ns
+        and _beats(case, r)
     ]
     if len({r.servo_id for r in mixed}) < 2:
         return
@@ -128,6 +136,22 @@ def interleaved(case: Case) -> Iterator[Finding]:
         strength=min(0.6 + most.sooner, 1.0),
         brief="the same requests in two rhythms",
     )
+
+
+def _beats(case: Case, r: _Rhythm) -> bool:
+    """Tell whether requests stand one period behind others, whatever was asked between them."""
+    kinds = case.ledger.exchanges.kinds
+    keys = request_key(*(np.array(c, np.int64) for c in (kinds.servo_id, kinds.op, kinds.address)))
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        own = t[np.isin(kind, np.flatnonzero(keys == r.key))]
+        if len(own) < LEAST:
+            continue
+        sooner, later = (own - r.period_ns * (1 + side * WITHIN) for side in (1, -1))
+        behind = np.searchsorted(own, later, "right") > np.searchsorted(own, sooner)
+        expected = 2 * WITHIN * r.period_ns * len(own) / (own[-1] - own[0])
+        if behind.mean() >= BEATS * -np.expm1(-expected):
+            return True
+    return False
 
 
 def unrelated(case: Case) -> Iterator[Finding]:

@@ -41,6 +41,9 @@ TIMES: Final = 1.5
 SHARE: Final = 0.1
 LEAST: Final = 5
 
+MOSTLY: Final = 0.9
+"""What nearly all answers of a servo are is the servo's: noise, and who speaks into them, move some."""
+
 PEERS: Final = 0.9
 """Nearly all answers of the others are faster than what this share of them is."""
 
@@ -171,6 +174,8 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         strength=min(0.7 + worst.slow / max(worst.of, 1), 1.0),
         brief=f"servo {servo} answers slowly",
         values=(("usual_ns", worst.usual_ns), ("peers_ns", worst.peers_ns)),
+        # whatever befalls frames now and then, most of a servo's answers do not wait for it
+        is_own=worst.slow >= MOSTLY * worst.of,
     )
 
 

@@ -20,6 +20,7 @@ from sniffer.diagnosis.cycles import (
     is_kept_waiting,
     is_steady_for_a_while,
     steps,
+    whole_cycles,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -52,7 +53,8 @@ FINDINGS: Final = (
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
         "lengths with none between, nor cycles that are all about as long as those around them; each cycle in "
-        "which something failed is left out at both ends, three tenths at most; it goes on for most of the "
+        "which something failed is left out at both ends, or where that is a tenth and more, one by "
+        "one, with the cycle behind it; it goes on for most of the "
         "time; and what comes late does not come right behind something else that the program "
         "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
     ),
@@ -72,9 +74,12 @@ FINDINGS: Final = (
     ),
 )
 
-FAILS_MOST: Final = 0.3
+FAILS_MOST: Final = 0.1
 """Share of cycles left out at each end: those in which something failed, which a timeout makes longer
-and the next one shorter. Of more it cannot be told what the others are like."""
+and the next one shorter. Where it is more, they are told from the others one by one: with so many
+left out nobody sees how uneven the others are."""
+
+MISSING: Final = "no-response"
 
 FREE_RUNNING_NS: Final = 6 * MS
 """A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
@@ -150,14 +155,16 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     rest = exchanges.idle.at(0, 0.99)
     if not case.has_clock or not periods.keys or rest is None or rest.low < FREE_RUNNING_NS:
         return
-    most = max(map(periods.count, periods.keys))
+    most, lasts_ns = max(map(periods.count, periods.keys)), case.last_ns - case.first_ns
     edge = EDGE + _failing(case) / most
-    if edge > FAILS_MOST:
-        return
+    if edge > FAILS_MOST:  # those in which nothing failed tell, where there are enough of them
+        periods, edge = whole_cycles(case, MISSING, *DAMAGE), EDGE
+        most = max(map(periods.count, periods.keys), default=0)
+        lasts_ns = max(map(periods.total, periods.keys), default=0)
     spreads = [
         found
         for key in periods.keys
-        if periods.count(key) >= most * BEAT and (found := cycle_of(case, key, edge))
+        if periods.count(key) >= most * BEAT and (found := cycle_of(case, periods, key, edge))
     ]
     if not spreads:
         return
@@ -169,7 +176,9 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
         return
     low, high, count = told[2:]
-    if is_in_bursts(case, count, middle) or is_steady_for_a_while(case) or is_kept_waiting(case):
+    if is_in_bursts(lasts_ns, count, middle):
+        return
+    if is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",

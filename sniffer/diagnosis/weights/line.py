@@ -51,8 +51,6 @@ _LOST: Final[tuple[_Row, ...]] = (
     ("answers-after-next", 0.1, "the answer to a torn request may be taken for a late one"),
     ("late-replies", 0.1, "the answer to a torn request may be taken for a late one"),
     ("retry-storm", 0.1, "what is torn is asked again"),
-    ("loop-jitters", 0.1, "waiting for what is torn takes time"),
-    ("loop-stalls", 0.1, "waiting for what is torn takes time"),
     ("slower-than-peers", 0.1, "a torn byte more or less moves where an answer begins"),
     ("odd-commands", 0.1, "a torn frame may hold by chance"),
     ("doubtful-value", 0.2, "a torn answer without a checksum states anything"),
@@ -106,8 +104,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("rounds-cross", -1.5, "noise puts no whole request between two others"),
         ("answers-twice", -0.5, "a second answer tears others"),
         *_TORN,
-        # cycles that noise has hit are known, and left out
-        *(w for w in _LOST if w[0] != "loop-jitters"),
+        *_LOST,
     ),
     *for_(
         "emi-load",
@@ -172,7 +169,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             )
         ),
         *(w for w in _TORN if w[0] != "idle-tail"),
-        *(w for w in _LOST if w[0] != "loop-stalls"),
+        *_LOST,
         *_HALF_HEARD,
         ("loop-stalls", 0.5, "nobody can speak meanwhile"),
     ),

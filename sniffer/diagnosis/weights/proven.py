@@ -35,14 +35,16 @@ _WEIGHED: Final = (*tap.WEIGHTS, *line.WEIGHTS, *wire.WEIGHTS, *controller.WEIGH
 
 _OF_RATES: Final = frozenset(w.finding for w in _WEIGHED if w.cause == "wrong-baud")
 
-_LATE: Final = tuple(
-    dict.fromkeys(
+_LATE: Final = (
+    *dict.fromkeys(
         w.finding
         for w in _WEIGHED
         if w.cause == "signal-integrity" and w.weight > 0 and w.finding not in _OF_RATES
-    )
+    ),
+    *("loop-jitters", "loop-stalls"),
 )
-"""What a weak signal does to some bytes, which a wrong rate does to all."""
+"""What a weak signal does to some bytes, which a wrong rate does to all; where hardly a frame holds,
+those that do tell of no loop."""
 
 _APART: Final = ("port-lost", "port-back", "not-decoded")
 """What tears frames by itself."""
