@@ -65,6 +65,38 @@ def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
     assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
 
 
+@pytest.mark.parametrize(
+    ("protocol", "every", "printed"),
+    [
+        # LSS_Query, LSS_Knob_Mimic of Lynxmotion's Arduino library print on the bus's port
+        ("lss", 10, b"\r\n---- LSS telemetry ----\r\nPosition  (1/10 deg) = %d\r\n"),
+        ("mightyzap", 5, b"Input @ %d\r\n"),
+        ("rs30x", 60, b"rst:0x1 (POWERON_RESET),boot:0x13 (SPI_FAST_FLASH_BOOT) %d\r\n"),
+        ("wck", 20, b"Input @ %d\r\n"),
+    ],
+)
+def test_what_a_program_prints_on_the_bus_is_its_own_and_no_noise(
+    protocol: str, every: int, printed: bytes
+) -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % every == 1:
+            talk.write(printed % cycle)
+            talk.rest(2)
+
+    told = robot(protocol, 6, behind=also).diagnosed()
+    assert "text-sent" in codes(told)
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+def test_noise_is_no_text_though_it_hits_letters() -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % 4 == 1:
+            talk.write(bytes(random.Random(cycle).choices(b"#*QD0123456789abcq\r\x80\xff", k=9)))
+            talk.rest(2)
+
+    assert "text-sent" not in codes(robot("lss", 6, behind=also).diagnosed())
+
+
 def test_a_modifier_that_its_command_does_not_have_is_misused() -> None:
     talk = robot("lss", 5, behind=lambda talk, n: talk.write(b"#2WD90T500\r"))
     assert "modifier-misused" in codes(talk.diagnosed())
