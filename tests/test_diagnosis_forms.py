@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, without_clock
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
@@ -86,6 +86,25 @@ def test_what_a_program_prints_on_the_bus_is_its_own_and_no_noise(
     told = robot(protocol, 6, behind=also).diagnosed()
     assert "text-sent" in codes(told)
     assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+@pytest.mark.parametrize("has_clock", [True, False])
+def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock: bool) -> None:
+    """As RaspberryPi-DXL-MightyZap does: it empties its port (tcflush) when it has written."""
+    rng = random.Random(4)
+
+    def breaks_off(talk: Conversation, cycle: int, servo: int) -> bool:
+        if rng.random() > 0.08:
+            return False
+        asked = talk.tongue.ask(servo)
+        talk.say(asked[: rng.randrange(1, len(asked))])
+        talk.rest(40)
+        return True
+
+    talk = robot("mightyzap", 12, instead=breaks_off)
+    told = talk.diagnosed(talk.chunks if has_clock else without_clock(talk.chunks))
+    assert "requests-broken-off" in codes(told)
+    assert verdicts(told.incidents())[0] == ("malformed-command", ())
 
 
 def test_noise_is_no_text_though_it_hits_letters() -> None:
