@@ -270,3 +270,20 @@ def test_an_id_that_nobody_has_is_given_once() -> None:
 
     d = robot("rs30x", 1.5, rate_hz=20, servos=(1, 2), before=begin).diagnosed()
     assert finding(d, "id-given-twice") is None
+
+
+@pytest.mark.parametrize("protocol", ["rs30x", "lss"])
+def test_a_servo_that_falters_before_it_is_silent_for_good_is_gone(protocol: str) -> None:
+    """Its oscillator warms: its answers fail at first now and then; all else goes on."""
+
+    def fails(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or (cycle < 125 and cycle not in (101, 105, 106, 111, 118)):
+            return False
+        talk.ask_in_vain(2, 8)
+        return True
+
+    d = robot(protocol, 6, instead=fails, goals=False).diagnosed()
+    assert ("servo-dead", (2,)) in verdicts(d.incidents())
+    told = finding(d, "misses-now-and-then")
+    assert told is not None
+    assert told.count <= 6
