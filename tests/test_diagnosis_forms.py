@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, without_clock
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
@@ -63,6 +63,57 @@ def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
     told = robot(protocol, 6, behind=also).diagnosed()
     assert "same-bytes-torn" in codes(told)
     assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+@pytest.mark.parametrize(
+    ("protocol", "every", "printed"),
+    [
+        # LSS_Query, LSS_Knob_Mimic of Lynxmotion's Arduino library print on the bus's port
+        ("lss", 10, b"\r\n---- LSS telemetry ----\r\nPosition  (1/10 deg) = %d\r\n"),
+        ("mightyzap", 5, b"Input @ %d\r\n"),
+        ("rs30x", 60, b"rst:0x1 (POWERON_RESET),boot:0x13 (SPI_FAST_FLASH_BOOT) %d\r\n"),
+        ("wck", 20, b"Input @ %d\r\n"),
+    ],
+)
+def test_what_a_program_prints_on_the_bus_is_its_own_and_no_noise(
+    protocol: str, every: int, printed: bytes
+) -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % every == 1:
+            talk.write(printed % cycle)
+            talk.rest(2)
+
+    told = robot(protocol, 6, behind=also).diagnosed()
+    assert "text-sent" in codes(told)
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+@pytest.mark.parametrize("has_clock", [True, False])
+def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock: bool) -> None:
+    """As RaspberryPi-DXL-MightyZap does: it empties its port (tcflush) when it has written."""
+    rng = random.Random(4)
+
+    def breaks_off(talk: Conversation, cycle: int, servo: int) -> bool:
+        if rng.random() > 0.08:
+            return False
+        asked = talk.tongue.ask(servo)
+        talk.say(asked[: rng.randrange(1, len(asked))])
+        talk.rest(40)
+        return True
+
+    talk = robot("mightyzap", 12, instead=breaks_off)
+    told = talk.diagnosed(talk.chunks if has_clock else without_clock(talk.chunks))
+    assert "requests-broken-off" in codes(told)
+    assert verdicts(told.incidents())[0] == ("malformed-command", ())
+
+
+def test_noise_is_no_text_though_it_hits_letters() -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % 4 == 1:
+            talk.write(bytes(random.Random(cycle).choices(b"#*QD0123456789abcq\r\x80\xff", k=9)))
+            talk.rest(2)
+
+    assert "text-sent" not in codes(robot("lss", 6, behind=also).diagnosed())
 
 
 def test_a_modifier_that_its_command_does_not_have_is_misused() -> None:

@@ -13,7 +13,7 @@ from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
 from tests.lists import in_turn
 from tests.servos import BEGAN_NS, finding, suffering
-from tests.streams import mightyzap
+from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -233,3 +233,57 @@ def test_where_all_fall_silent_at_once_what_they_share_is_to_be_looked_at(
     (incident,) = robot("mightyzap", 10, instead=instead, goals=False).diagnosed().incidents()
     assert (incident.cause, incident.servo_ids) == ("servo-dead", gone)
     assert asks in incident.next
+
+
+@pytest.mark.parametrize("gap_ms", [0.1, 8.0])
+def test_an_id_that_another_servo_has_is_told_with_the_frame_that_gave_it(gap_ms: float) -> None:
+    """futaba_RS405CB writes its reverse mode to the address of the id: servo 2 becomes servo 1."""
+
+    def begin(talk: Conversation, cycle: int) -> None:
+        if cycle == 8:
+            talk.write(rs30x.write(2, 0x04, b"\1"))
+
+    def both(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle < 8 or servo == 3:
+            return False
+        if servo == 2:
+            talk.ask_in_vain(2)
+        else:
+            talk.read(1, 0.5)
+            talk.rest(gap_ms)
+            talk.say(talk.tongue.answer(1, 0.3))
+            talk.rest(1)
+        return True
+
+    d = robot("rs30x", 1.5, rate_hz=20, before=begin, instead=both).diagnosed()
+    first, *_ = d.incidents()
+    assert (first.cause, first.servo_ids) == ("duplicate-id", (1,))
+    told = finding(d, "id-given-twice")
+    assert told is not None
+    assert told.what.startswith("servo 2 was given the id 1 at 0.4")
+
+
+def test_an_id_that_nobody_has_is_given_once() -> None:
+    def begin(talk: Conversation, cycle: int) -> None:
+        if cycle == 8:
+            talk.write(rs30x.write(4, 0x04, b"\1"))
+
+    d = robot("rs30x", 1.5, rate_hz=20, servos=(1, 2), before=begin).diagnosed()
+    assert finding(d, "id-given-twice") is None
+
+
+@pytest.mark.parametrize("protocol", ["rs30x", "lss"])
+def test_a_servo_that_falters_before_it_is_silent_for_good_is_gone(protocol: str) -> None:
+    """Its oscillator warms: its answers fail at first now and then; all else goes on."""
+
+    def fails(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or (cycle < 125 and cycle not in (101, 105, 106, 111, 118)):
+            return False
+        talk.ask_in_vain(2, 8)
+        return True
+
+    d = robot(protocol, 6, instead=fails, goals=False).diagnosed()
+    assert ("servo-dead", (2,)) in verdicts(d.incidents())
+    told = finding(d, "misses-now-and-then")
+    assert told is not None
+    assert told.count <= 6

@@ -447,7 +447,8 @@ _CAUSES: Final = (
         "commands of the wrong form",
         "The controller sends frames that are not as the manual has them.",
         "Frames that hold, with a body that their command cannot have; unknown commands; checksums that are wrong in one way; "
-        "bytes that a terminal or a text stream of the controller altered, and no answer.",
+        "bytes that a terminal or a text stream of the controller altered, and no answer; "
+        "text for people between the frames.",
         "Another firmware or model.",
         "Compare the frame with the manual (`sniffer explain`); open the port raw, and write bytes, not text.",
         "Send the command in the manual's form by hand.",

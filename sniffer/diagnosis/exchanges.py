@@ -14,7 +14,8 @@ from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kinds import KINDS, RequestKinds
 from sniffer.diagnosis.moments import RequestMoments
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
-from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
+from sniffer.diagnosis.torn import torn_ends
+from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.model import ECHO, NEVER_NS
 
 if TYPE_CHECKING:
@@ -168,10 +169,10 @@ class Exchanges:
         rows = RequestRows(batch, asks, self._open, kind)
         if len(rows) and len(batch.transactions):
             rows.tell(batch, self._protocol)
-        many = self._close(rows) if len(rows) > 1 else 0
+        many = self._close(rows, batch) if len(rows) > 1 else 0
         self._open = rows.behind(many)
 
-    def _close(self, r: RequestRows) -> int:
+    def _close(self, r: RequestRows, batch: Batch) -> int:
         """Judge what is told and followed by another request; return how many those are."""
         many = len(r) - 1
         untold = np.flatnonzero(r.outcome[:many] == UNTOLD)
@@ -186,7 +187,7 @@ class Exchanges:
         idle = next_start - since
         early = ok & (idle < 0)
         if early.any():
-            self._hurried(r, np.flatnonzero(early), idle)
+            self._hurried(r, np.flatnonzero(early), idle, torn_ends(batch))
         silent = outcome == NOT_EXPECTED
         self.silent += int(np.count_nonzero(silent))
         near = np.flatnonzero(silent & (idle <= 3 * self._byte_ns))
@@ -202,8 +203,14 @@ class Exchanges:
             self._went_wrong(r, rows, again)
         return many
 
-    def _hurried(self, r: RequestRows, rows: I64, idle: I64) -> None:
-        """Note requests that came before the answer to the last one was over."""
+    def _hurried(self, r: RequestRows, rows: I64, idle: I64, torn: I64) -> None:
+        """Note requests that came before the answer to the last one was over.
+
+        What stands right behind torn bytes may be the answer to what they were, and what stands
+        behind a request that has no answer may be that: one without a checksum (LSS) holds though
+        its id is altered here.
+        """
+        rows = rows[~np.isin(r.answer_at[rows], torn) & (r.outcome[rows + 1] != NO_RESPONSE)]
         unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
         # The answer stands before the next request: its stamps are off by less than they may be,
         # or both were on the line at once.

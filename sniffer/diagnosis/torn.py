@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.columnar import Columns
+from sniffer.ground.gaps import BLANK, Gaps
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, Mask
+    from sniffer.ground.model import I64, Batch, Mask
 
 STEADY: Final = 6
 """So many bytes of one value are of no frame: the line is held. Headers have three at most."""
@@ -38,6 +39,13 @@ def only_value(data: bytes, start: I64, length: I64) -> I64:
     low = np.minimum.reduceat(whole, edges)[::2].astype(np.int64)
     high = np.maximum.reduceat(whole, edges)[::2]
     return np.where(low == high, low, -1)
+
+
+def torn_ends(batch: Batch) -> I64:
+    """Return where bytes of a batch end that are no frame and no mere blanks, absolute."""
+    gaps = Gaps.of(batch.gaps)
+    rows = np.flatnonzero(gaps.kind != BLANK)
+    return gaps.start[rows] + gaps.length[rows] + batch.base
 
 
 def is_held(runs: TornRuns) -> Mask:

@@ -24,6 +24,15 @@ FINDINGS: Final = (
         "A frame that gives the id, then at least three requests to the old one, none with an answer.",
     ),
     FindingCode(
+        "id-given-twice",
+        "device",
+        "A servo was given an id that another one has: two answer to it since.",
+        "A frame that gives the id; two answers and more behind it that come second or that nobody asked for, all of that id, and none before.",
+        is_its_own=True,
+        settle="Ask the id it had before: the one that was given another answers no more.",
+        remedy="Disconnect all but one of the two and give it its own id back; look at the command that gave it this one.",
+    ),
+    FindingCode(
         "silent-at-old-rate",
         "device",
         "A servo was told another baud rate and answers nothing at this one since.",
@@ -32,6 +41,9 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 3
+
+SECOND: Final = 2
+"""Answers too many behind the frame that gave the id: one may be an answer that came late."""
 
 
 def old_ids(case: Case) -> Iterator[Finding]:
@@ -55,6 +67,35 @@ def old_ids(case: Case) -> Iterator[Finding]:
             (Place(at, length, t, f"servo {servo} is given the id{to}"),),
             strength=min(0.7 + asked / 20, 1.0),
             brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
+        )
+
+
+def ids_given_twice(case: Case) -> Iterator[Finding]:
+    """Ids that were given to a servo though another one has them."""
+    told = case.anomalies("id-changed")
+    for k, servo in enumerate(told.servo_id.tolist()):
+        t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
+        new = _value(case, "servo_id", servo, t)
+        if new is None or new == servo or new not in case.answering:
+            continue
+        more = case.anomalies("duplicate-response", "unsolicited-response", servo_id=new)
+        since = more.take(more.at > at)
+        if len(since) < SECOND or len(since) < len(more):
+            continue
+        yield Finding(
+            "id-given-twice",
+            new,
+            t,
+            int(since.t_ns[-1]),
+            len(since),
+            f"servo {servo} was given the id {new} at {case.since(t)}, which another one has: "
+            f"{len(since)} answers of {new} more than were asked for since, none before",
+            (
+                Place(at, length, t, f"servo {servo} is given the id {new}"),
+                *case.places(since, "a second answer", 2),
+            ),
+            strength=min(0.7 + len(since) / 20, 1.0),
+            brief=f"servo {servo} is given the id {new}, and two answer to it",
         )
 
 
@@ -114,5 +155,5 @@ def _rate(case: Case, code: int | None) -> str:
     return f"{next((n for n in named if n), code)} baud"
 
 
-RULES: Final[tuple[Rule, ...]] = (old_ids, old_rates)
+RULES: Final[tuple[Rule, ...]] = (old_ids, ids_given_twice, old_rates)
 """The rules of this file."""

@@ -11,6 +11,7 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.breaking import are_beginnings
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import REQUEST, RESPONSE
 
@@ -70,6 +71,10 @@ LEAST: Final = 3
 MOST: Final = 0.6
 """Share of torn requests that are short where bytes are lost; noise leaves nearly all their length."""
 
+ENDED: Final = 0.15
+"""Part of the short pieces that may be more than a beginning where a controller breaks off: a piece
+of an answer that came meanwhile stands behind it."""
+
 SOME: Final = 0.12
 """Share of all torn requests, of which most are joined to what came behind the hole: two who speak at
 once leave one in ten that looks so."""
@@ -120,9 +125,7 @@ def torn_requests(case: Case) -> Iterator[Finding]:
         return
     answered = _answered(case, short)
     were_whole = len(answered) >= max(LEAST - 1, ANSWERED * len(short))
-    # A controller that breaks off leaves beginnings alone, which nobody answers; a hole ends
-    # wherever it likes.
-    is_cut_by_tap = were_whole or any(not _is_begun(d.got, known) for d in short)
+    is_cut_by_tap = were_whole or _end_anywhere(short, known)
     if is_cut_by_tap and len(short) >= max(LEAST, SOME * torn, MOST * (len(short) + altered)):
         yield _told(
             "requests-torn-short",
@@ -186,7 +189,8 @@ def order_lacks_bytes(case: Case) -> Iterator[Finding]:
         return
     torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST)]
     found = [d for d in torn if _is_too_short(d, order)]
-    if len(found) >= max(LEAST, SOME_SHORT * len(torn)):
+    known = case.ledger.exchanges.kinds.requests
+    if len(found) >= max(LEAST, SOME_SHORT * len(torn)) and _end_anywhere(found, known):
         yield _told(
             "order-lacks-bytes",
             found,
@@ -303,13 +307,21 @@ def _told(code: str, found: Sequence[Damage], what: str, each: str) -> Finding:
 
 def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     """Return those with a sound answer right behind that was no complaint."""
-    rows = case.anomalies(
-        "unsolicited-response", "mismatched-response", "duplicate-response", "late-response"
-    )
+    # a late answer is told of by its request, which may stand there, too
+    rows = case.anomalies("unsolicited-response", "mismatched-response", "duplicate-response")
     complaints = set(case.anomalies("device-checksum").at.tolist())
     behind = set(rows.at.tolist()) - complaints
     # where the end of a request stands for an answer, the answer to that request is the next
     return [d for d in torn if d.at + d.length in behind or (d.turn == IN_REPLY and d.is_answered)]
+
+
+def _end_anywhere(torn: Sequence[Damage], known: Sequence[bytes]) -> bool:
+    """Tell whether torn places end wherever a hole does.
+
+    A controller that breaks off, or that throws away what its port has not sent yet, leaves
+    beginnings alone.
+    """
+    return sum(not are_beginnings(d.got, known) for d in torn) > ENDED * len(torn)
 
 
 def _is_begun(got: bytes, known: Sequence[bytes]) -> bool:

@@ -10,8 +10,8 @@ from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import so_even, sureness
 from sniffer.diagnosis.comparing import bits_wrong
-from sniffer.diagnosis.exchanges import KEPT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.questions import is_one_question
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ def silences(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         spells = case.ledger.silences.of(servo)
         for s in spells:
-            if s.back_ns is None and s.missed >= ENOUGH and not _is_one_question(case, servo, s):
+            if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
                 took = (case.last_ns - s.first_ns) / NS
                 yield Finding(
                     "silent-since",
@@ -212,21 +212,6 @@ def silences(case: Case) -> Iterator[Finding]:
         if len(away) < AGAIN:
             yield from _now_and_then(case, servo)
         yield from _rhythm(case, servo)
-
-
-def _is_one_question(case: Case, servo: int, last: Silence) -> bool:
-    """Tell whether a servo is asked nothing to the end but what it left unanswered before.
-
-    A capture that ends in a storm of retries says nothing of the servo.
-    """
-    kept = case.ledger.exchanges.failed
-    failed = [f for f in kept if f.servo_id == servo]
-    ending = sum(f.at >= last.at for f in failed)
-    if len({f.kind for f in failed}) != 1 or len(failed) - ending < AGAIN:
-        return False
-    if len(kept) == KEPT:  # later ones are not known: it came back from as many before
-        return last.missed <= max((s.missed for s in case.ledger.silences.runs(servo)), default=0)
-    return ending >= last.missed - 1  # what became of the very last request is not told yet
 
 
 def _outages(case: Case, servo: int) -> list[Silence]:
@@ -354,6 +339,9 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
     others_missing, others = case.total("missing") - missing, case.total("asked") - asked
     if len(runs) < AGAIN or not others:
         return
+    # of those that it never came back from none was single
+    gone = sum(s.missed for s in case.ledger.silences.of(servo) if s.back_ns is None)
+    missing, asked = missing - gone, asked - gone
     # one more than the others lost: few requests tell little
     if missing / max(asked, 1) < AHEAD * (others_missing + 1) / max(others, 1):
         return

@@ -294,6 +294,7 @@ WEIGHTS: Final = (
         "chatty-device",
         ("speaks-unasked", 4.0, "it speaks without being asked"),
         ("behind-its-own-alone", -4.5, "it would speak behind others as well"),
+        ("id-given-twice", -5.0, "the second answers begin when another servo is given its id"),
         ("unsolicited-response", 0.8, "answers that nobody asked for"),
         ("unasked-now-and-then", 2.0, "it speaks behind some of its answers, and not behind all"),
         ("answers-twice", 0.8, "what it says may stand behind its answer"),

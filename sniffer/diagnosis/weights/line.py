@@ -249,6 +249,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "duplicate-id",
         ("answers-twice", 5.0, "two answers come to one request"),
+        ("id-given-twice", 6.0, "another servo was given its id, and it answers twice since"),
         (
             "second-answers-whole",
             5.0,

@@ -12,6 +12,7 @@ TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
 
 TRANSLATED = "bytes-translated"
 SENT_SO, SUMS_WRONG, HEAD_WRONG = "sent-translated", "sums-wrong", "head-wrong"
+TEXT, BROKEN_OFF = "text-sent", "requests-broken-off"
 """The proofs: of a program behind the tap, and of the controller's."""
 
 WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
@@ -93,6 +94,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             9.0,
             "packets are right but for their checksums, which follow another formula",
         ),
+        (BROKEN_OFF, 8.0, "what is there is as it should be, and the rest was not sent"),
+        (TEXT, 9.0, "what is no frame is text: a program prints there"),
         (HEAD_WRONG, 12.0, "all is there, and one byte tells of another frame: it is sent so"),
         *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
         (SENT_SO, 9.5, "what is sent is not what is meant, and nobody answers"),
@@ -123,6 +126,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             cause,
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
             (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
+            (BROKEN_OFF, -6.0, "no byte is altered, and all that is missing are ends of requests"),
+            (TEXT, -7.0, "noise makes no words"),
             (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
             (
                 HEAD_WRONG,
