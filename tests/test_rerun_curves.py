@@ -17,6 +17,7 @@ import sniffer
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import NS, Chunk, Clock, Severity
 from sniffer.sinks.rerun.entities import LogLine
+from sniffer.sinks.rerun.judged import opening_ns
 from sniffer.sinks.rerun.longrun import MOST, Overview
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
@@ -204,3 +205,16 @@ def test_a_long_recording_opens_with_few_steps_of_the_largest_errors(tmp_path: P
         assert 150 / 4 <= len(steps) <= MOST
         assert steps == sorted(steps)
         assert static[f"{entity}_overview"] == static[entity]
+
+
+def test_plots_open_at_the_first_incident_that_is_an_error_and_without_one_at_the_first_error() -> (
+    None
+):
+    warned, grave, later = (
+        LogLine(t_ns, severity, "incident")
+        for t_ns, severity in ((5, Severity.WARN), (40, Severity.ERROR), (90, Severity.ERROR))
+    )
+    assert opening_ns([warned, later, grave], 20) == 40
+    assert opening_ns([warned], 20) == 20
+    assert opening_ns([warned], None) == 5
+    assert opening_ns([], None) is None

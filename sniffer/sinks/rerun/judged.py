@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sniffer.diagnosis import Diagnosis
+from sniffer.ground.model import Severity
 from sniffer.sinks.rerun.entities import LogLine
 from sniffer.sinks.rerun.sink import RerunSink
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.pacing import Pace
@@ -45,10 +46,24 @@ class JudgedRerunSink(RerunSink):
 
     def close(self) -> None:
         """Mark the incidents; finish the file."""
+        marked = []
         for one in self._diagnosis.incidents():
             servos = [s for s in one.servo_ids if not self._is_narrow or self.shows(one.bus, s)]
             if servos or not one.servo_ids:
                 sure = f"{one.causes[0].percent}%"
                 told = f"incident {one.number}: {one.cause} ({sure}): {one.story}"
-                self.incident(one.bus, servos, LogLine(one.first_ns, one.severity, told))
+                line = LogLine(one.first_ns, one.severity, told)
+                self.incident(one.bus, servos, line)
+                marked.append(line)
+        self._first_error = opening_ns(marked, self._first_error)
         super().close()
+
+
+def opening_ns(incidents: Sequence[LogLine], error_ns: int | None) -> int | None:
+    """Return at what the plots open, in ns: the first incident that is an error.
+
+    Without one it is the first error (``error_ns``), without that the first incident; None: nothing.
+    """
+    grave = [line.t_ns for line in incidents if line.severity >= Severity.ERROR]
+    others = [line.t_ns for line in incidents] if error_ns is None else [error_ns]
+    return min(grave or others, default=None)
