@@ -30,6 +30,10 @@ SERVED: Final = 8
 DROOP: Final = 0.06
 """Part of the travel by which a joint gives way under all of the stall load."""
 
+WARMEST_DEGC: Final = 55.0
+EASED_K: Final = 10.0
+"""As warm as a joint gets that follows its goals; it warms as it will until so much below that."""
+
 HELD_WARMTH: Final = 0.3
 """Part of the usual warmth of a motor that does not turn: the servo limits its current."""
 
@@ -143,7 +147,9 @@ class Joint:
             torque = self._inertia * acceleration + rubbing + self._gravity * (self.position - 0.3)
             if self.burden:
                 torque += self.burden
-        self._work(torque, dt, self._heating)
+        # nobody builds a joint that its own way makes too hot: that is a fault's matter
+        eased = 1.0 if self.burden else (WARMEST_DEGC - self.temperature) / EASED_K
+        self._work(torque, dt, self._heating * min(max(eased, 0.0), 1.0))
 
     def _push(self, dt: float) -> None:
         """Push against what holds it fast."""
