@@ -30,7 +30,7 @@ def tidied(values: F64) -> F64:
     A value of more than 2^32 has its millionths below what a float is exact to.
     """
     large = np.abs(values) >= _FINE
-    if not large.any():
+    if not np.count_nonzero(large):  # of few values in less time than any()
         swept = values * 1e6
         np.rint(swept, out=swept)
         swept /= 1e6

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.ground.codes import CONFIG
+from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

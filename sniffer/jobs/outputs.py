@@ -6,7 +6,6 @@ import contextlib
 import datetime
 import os
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -23,6 +22,7 @@ from sniffer.ground.files import (
     probe,
     refuse_occupied,
 )
+from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import and_
 from sniffer.messages import OFFSET, TOOL

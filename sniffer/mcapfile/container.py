@@ -183,8 +183,9 @@ class Container:
     def write(self, rows: Sorted, *, indexed: bool = True) -> None:
         """Write a chunk of messages, and before them the schemas and channels that are new.
 
-        ``indexed``: behind it stands where in it each message is, 16 bytes each. Viewers that look
-        messages up find only those; who reads whole chunks finds all.
+        ``indexed``: behind it stands where in it each listed message is, 16 bytes each; without, it
+        says so of the first one of each channel. Viewers that look messages up find only those; who
+        reads whole chunks finds all.
         """
         head = self._news()
         self._ahead = max(self._ahead, int(rows.log.max()))

@@ -58,7 +58,7 @@ def as_bytes(record: McapRecord) -> bytes:
 class ChunkNote:
     """What the index says of a chunk: ``channels`` and ``counts`` are those of its messages.
 
-    ``entries``: how many each channel has in the message index behind it; none where none is.
+    ``entries``: how many of them the message index behind it names.
     """
 
     start: int
@@ -95,9 +95,8 @@ class ChunkIndexes:
             self._compressions.append(n.compression)
         kind = self._compressions.index(n.compression)
         numbers = (n.start, n.length, n.first, n.last, n.packed, n.size)
-        shown = len(n.entries)
-        self._rows.append((*numbers, shown, kind))
-        self._channels.append(n.channels[:shown])
+        self._rows.append((*numbers, len(n.channels), kind))
+        self._channels.append(n.channels)
         self._entries.append(n.entries)
         if len(self._rows) == PIECE:
             data = b"".join((

@@ -47,22 +47,23 @@ _INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
 class ChunkContents(NamedTuple):
     """What a chunk is made of: its records, and the messages among them.
 
-    ``at`` is where in ``data`` each message stands, ``listed`` whether the index says so, None: it
-    has no index.
+    ``at`` is where in ``data`` each message stands, ``listed`` whether the index says so. Of each
+    channel it says so of one message at least.
     """
 
     data: bytes | memoryview
     log: I64
     channel: U16
     at: I64
-    listed: Mask | None
+    listed: Mask
 
     @classmethod
     def of(cls, rows: Sorted, head: bytes, *, indexed: bool) -> ChunkContents:
         """Return messages with other records before them."""
         data = b"".join((head, rows.data)) if head else rows.data
         at = rows.start + len(head) if head else rows.start
-        return cls(data, rows.log, rows.channel, at, rows.listed if indexed else None)
+        listed = rows.listed if indexed else np.zeros(len(at), bool)
+        return cls(data, rows.log, rows.channel, at, listed)
 
 
 class ReadyChunk(NamedTuple):
@@ -84,18 +85,16 @@ def ready(compression: str, packed: bytes, crc: int, contents: ChunkContents) ->
     counts = np.bincount(channel)
     ids = np.flatnonzero(counts).astype(np.uint16)
     counts = counts[ids]
-    parts = [head, packed]
-    entries = counts[:0]
-    if listed is not None:
-        if not listed.all():
-            # who looks a topic up finds the chunk by the index that it has for it
-            earliest = np.empty(int(ids[-1]) + 1, np.int64)
-            earliest[channel[::-1]] = np.arange(len(channel))[::-1]
-            listed = listed.copy()
-            listed[earliest[ids]] = True
-            times, channel, at = times[listed], channel[listed], at[listed]
-        entries = np.bincount(channel)[ids]
-        parts += _message_indexes(ids, entries, times, channel, at)
+    if not listed.all():
+        # Who looks a topic up finds the chunk by the index that it has for it, and the library of
+        # TypeScript reads no file in which a chunk has none.
+        earliest = np.empty(int(ids[-1]) + 1, np.int64)
+        earliest[channel[::-1]] = np.arange(len(channel))[::-1]
+        listed = listed.copy()
+        listed[earliest[ids]] = True
+        times, channel, at = times[listed], channel[listed], at[listed]
+    entries = np.bincount(channel)[ids]
+    parts = [head, packed, *_message_indexes(ids, entries, times, channel, at)]
     length = len(head) + len(packed)
     told = compression, len(packed), len(data), ids, counts, entries
     return ReadyChunk(b"".join(parts), ChunkNote(0, length, first, last, *told))

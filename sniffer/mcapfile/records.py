@@ -74,7 +74,8 @@ class NotMcapError(BrokenError):
 class Piece:
     """A chunk that holds: packed as it was, and its messages.
 
-    ``at`` is where in ``data`` each message record begins; ``indexed``: the file tells that, too.
+    ``at`` is where in ``data`` each message record begins; ``indexed``: the file tells that
+    of all of them, too.
     """
 
     compression: str
@@ -266,6 +267,7 @@ class Records:
         where the index does not fit: that takes longer than all else that is done with a chunk.
         """
         at = _indexed(index)
+        told = len(at)
         if not self._holds(data, at):
             at = _likely(data)
             if not self._holds(data, at):
@@ -275,7 +277,7 @@ class Records:
             raise BrokenError("a message belongs to no channel")
         log = _gather(data, at, 15, "<i8")
         ids = channel.astype(np.uint16)
-        return Piece(compression, packed, crc, data, at, ids, log, indexed=bool(index))
+        return Piece(compression, packed, crc, data, at, ids, log, indexed=told == len(at))
 
     def _holds(self, data: bytes, at: I64) -> bool:
         """Tell whether these are the places of all messages, with none in what is before them."""

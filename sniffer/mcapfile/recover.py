@@ -140,7 +140,7 @@ def _copy(
         if len(p.at):
             topics = {kind_of(records.channels[c].topic) for c in np.unique(p.channel).tolist()}
             indexed = p.indexed or not topics <= {"raw", *BULK}
-            listed = np.ones(len(p.at), bool) if indexed else None
+            listed = np.full(len(p.at), indexed)
             contents = ChunkContents(p.data, p.log, p.channel, p.at, listed)
             file.chunk(p.compression, p.packed, p.crc, contents)
             tail.look(p)

@@ -11,8 +11,8 @@ There are two ways to use it. A live recorder calls ``flush`` often: the raw byt
 then, so a killed recorder loses no more than what came since. What was decoded of them follows
 after ``flush_ns``: encoding a little costs nearly as much as encoding a lot, and much of one kind
 side by side packs best. Its records stand behind raw bytes that came later, with their own log
-times. Behind chunks of ``BULK`` there is no message index, which would be larger than they are, and
-of states it names some, see ``states``.
+times. The message index behind chunks of ``BULK`` names next to nothing, for it would be larger
+than they are, and of states it names some, see ``states``.
 
 Otherwise everything is written when the next call comes half of ``flush_ns`` after it was handed
 over, and ``log_time`` never decreases within the whole file. Input whose clock runs far ahead of

@@ -41,8 +41,8 @@ MARKS: Final = "servo_sniffer.marks"
 holds."""
 
 BULK: Final = ("frames", "transactions")
-"""Topics that a live recording does not index: nobody plots them, and with ``raw``, of which the
-same is true, the index would be thrice the raw bytes of a busy bus and more."""
+"""Topics of which a live recording indexes next to nothing: nobody plots them, and with ``raw``, of
+which the same is true, the index would be thrice the raw bytes of a busy bus and more."""
 
 INCIDENTS: Final = "incidents"
 """The topic ``/incidents``, which is of all buses."""

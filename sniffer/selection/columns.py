@@ -51,13 +51,13 @@ class TextTest:
         self._ops: dict[int, tuple[BusProtocol, dict[int, bool]]] = {}
 
     def of(self, name: str) -> bool:
-        """TextTest a name of which there are few."""
+        """Test a name of which there are few."""
         if name not in self._known:
             self._known[name] = self.holds(name)
         return self._known[name]
 
     def table(self, names: tuple[Any, ...], called: Callable[[Any], str] | None = None) -> Mask:
-        """TextTest all names of a table; ``called`` says what an entry of it is called."""
+        """Test all names of a table; ``called`` says what an entry of it is called."""
         # by the table itself: the names of registers are not to be asked for with each batch
         found = self._tables.get(id(names))
         if found is None or found[0] is not names:
@@ -67,7 +67,7 @@ class TextTest:
         return found[1]
 
     def ops(self, protocol: BusProtocol, ops: I64) -> Mask:
-        """TextTest the names of commands."""
+        """Test the names of commands."""
         found = self._ops.get(id(protocol))
         if found is None or found[0] is not protocol:
             found = self._ops[id(protocol)] = protocol, {}
@@ -79,7 +79,7 @@ class TextTest:
         return self.ops_few(protocol, known, ops.tolist())
 
     def ops_few(self, protocol: BusProtocol, known: dict[int, bool], ops: list[int]) -> Mask:
-        """TextTest the names of some commands, one by one."""
+        """Test the names of some commands, one by one."""
         try:
             return np.array([known[op] for op in ops], bool)
         except KeyError:

@@ -11,7 +11,6 @@ values are little-endian. What only siblings' manuals or real controllers show i
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -33,6 +32,7 @@ from construct import (
 )
 
 from sniffer.ground.checksums import XOR8
+from sniffer.ground.frozen import dataclass
 from sniffer.ground.registers import bit_names, load_models
 
 if TYPE_CHECKING:
