@@ -193,3 +193,24 @@ def test_a_log_with_hundredths_of_a_second_tells_of_no_slow_servo(protocol: str)
     told = diagnosed(chunks, protocol)
     assert not codes(told)
     assert told.sentence().endswith("stamps good to 10 ms")
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+def test_a_joint_that_is_met_at_one_place_on_its_way_three_times_does_not_stand(
+    protocol: str,
+) -> None:
+    def wanted(t: float) -> float:
+        return 0.5 + 0.3 * math.sin(2 * math.pi * t / 1.6)
+
+    def looked_at(place: Callable[[float], float]) -> set[str]:
+        talk = Conversation(protocol)
+        looks = [4.95, 6.55, 8.15, 9, 9.8, 10.2, 10.9, 11.3, 12.2, 13.0]  # three at one place
+        for step in range(135):
+            talk.until(step / 10)
+            talk.send(1, wanted(talk.now_s))
+            if looks and talk.now_s > looks[0]:
+                talk.read(1, place(looks.pop(0)))
+        return codes(talk.diagnosed())
+
+    assert "joint-not-following" not in looked_at(lambda t: wanted(t - 0.1))
+    assert "joint-not-following" in looked_at(lambda t: 0.85)

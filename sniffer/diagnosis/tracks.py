@@ -234,8 +234,26 @@ class JointTrack:
         # where it was when the goals began to move, which may have been looked at a little before
         since = np.maximum(np.searchsorted(p.t, self._goals_since) - 1, 0)
         low, high = _extremes(p, since, np.arange(len(p)) + 1)
-        away |= (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
+        stands = (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
+        if self._is_seldom:  # a joint that follows is met at one place a few times, on its way
+            off, met = (np.concatenate([[0], np.cumsum(x)]) for x in (self._is_off, p.n))
+            behind = np.arange(len(p)) + 1
+            stands &= (off[behind] - off[since] >= SEEN) | (met[behind] - met[since] > LOOKS)
+        away |= stands
         return (away & (looks >= LOOKS - 1)) | self._is_away_at_looks
+
+    @property
+    def _is_seldom(self) -> bool:
+        """Whether it is looked at so seldom that it is seen here and there, and not on its way."""
+        return self._window_ns > SELDOM * WINDOW_NS
+
+    @functools.cached_property
+    def _is_off(self) -> Mask:
+        """Whether a joint is where no goal was in the time that one takes to follow."""
+        p = self.position
+        low, high = in_force(self.goal, p.t - LAG_NS // 2, p.t_first)
+        off: Mask = np.maximum(low - p.last, p.last - high) > self.far
+        return off
 
     @functools.cached_property
     def _is_away_at_looks(self) -> Mask:
@@ -248,7 +266,7 @@ class JointTrack:
         """
         p = self.position
         none = np.zeros(len(p), bool)
-        if self._window_ns <= SELDOM * WINDOW_NS or len(p) < 2:
+        if not self._is_seldom or len(p) < 2:
             return none
         low, high = in_force(self.goal, p.t - LAG_NS, p.t_first)
         error = np.maximum(np.maximum(low - p.last, p.last - high), 0.0)
