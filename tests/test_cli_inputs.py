@@ -87,11 +87,21 @@ def test_the_wrong_protocol_is_told_with_the_right_one_and_is_all_gaps(
     assert records(ran.out)[-1]["frames"] == 0
 
 
+def test_lss_lines_as_a_terminal_shows_them_lack_their_ends(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "copied.txt"
+    path.write_text("#1QD\n*1QD132\n#1QV\n*1QV11850\n")
+    ran = within(capsys, "decode", path)
+    assert ran.status != 0
+    assert r"put them back: `tr '\n' '\r' < FILE | sniffer decode -`" in ran.complaint
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
         ("Dear diary,\nnothing was on the bus today.\n", "this is text, but no dump"),
         ("FF FF FF 00 02 F1 0\nFF FF\n", "line 1, column 19: '0' has an odd number of hex digits"),
+        # Serial.print(b, HEX) of an Arduino leaves zeros out
+        ("FF FF FF 1 4 F2 8C 2 7A\n", r"with two (`sed -E 's/\b[0-9A-Fa-f]\b/0&/g'` does"),
         ("FFFFFF0002F10\n", "'FFFFFF0002F10' has an odd number of hex digits"),
         ("\n\n\n", "only blank lines"),
     ],

@@ -96,7 +96,7 @@ def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock:
     def breaks_off(talk: Conversation, cycle: int, servo: int) -> bool:
         if rng.random() > 0.08:
             return False
-        asked = talk.tongue.ask(servo)
+        asked = rng.choice([talk.tongue.ask(servo), talk.tongue.goal(servo, rng.random())])
         talk.say(asked[: rng.randrange(1, len(asked))])
         talk.rest(40)
         return True

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from bench.other.brought import BROUGHT, BROUGHT_SOUND
+from bench.other.of_clients import CLIENTS
 from bench.other.of_line import LINE
 from bench.other.of_programs import PROGRAMS
 from bench.other.of_servos import SERVOS
@@ -68,7 +69,15 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="conversations whose names begin so")
     parser.add_argument("--write", type=Path, help="keep the captures in this folder")
     args = parser.parse_args()
-    every: tuple[Case, ...] = (*SOUND, *BROUGHT_SOUND, *LINE, *SERVOS, *PROGRAMS, *BROUGHT)
+    every: tuple[Case, ...] = (
+        *SOUND,
+        *BROUGHT_SOUND,
+        *LINE,
+        *SERVOS,
+        *PROGRAMS,
+        *BROUGHT,
+        *CLIENTS,
+    )
     cases = [c for c in every if not args.names or c.name.startswith(tuple(args.names))]
     verdicts, alarms, sound = [], 0, 0
     with tempfile.TemporaryDirectory() as passing, ThreadPoolExecutor(AT_ONCE) as pool:

@@ -37,6 +37,8 @@ _PAIRED: Final = later(
     re.MULTILINE,
 )
 _TWO: Final = "has an odd number of hex digits: write each byte with two"
+_ONES: Final = later(rb"(?<![^\s,;])[0-9A-Fa-f](?![^\s,;])")
+_ALONE: Final = r" (`sed -E 's/\b[0-9A-Fa-f]\b/0&/g'` does, where a program left zeros out)"
 _NO_HEX: Final = "is not hex: put # before what is no byte"
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
 _LITERAL: Final = later(rb"""\bb(["'])((?:\\.|(?!\1)[^\\])*)\1""")
@@ -133,7 +135,8 @@ def _hex_mistake(text: bytes) -> BadLineError:
             why = "a * (repeated lines) cannot be counted without offsets: dump again with -v"
             return BadLineError(token.start(), why)
         if _ODD.fullmatch(word):
-            return BadLineError(token.start(), f"{quoted(word)} {_TWO}")
+            where = _ALONE if len(word) == 1 and len(_ONES.findall(text)) > 1 else ""
+            return BadLineError(token.start(), f"{quoted(word)} {_TWO}{where}")
         strange = _STRANGE.search(word)
         column = token.start() + (strange.start() if strange else 0)
         return BadLineError(column, f"{quoted(word)} {_NO_HEX}", token.start())
