@@ -62,7 +62,7 @@ class JudgedRerunSink(RerunSink):
 def opening_ns(incidents: Sequence[LogLine], error_ns: int | None) -> int | None:
     """Return at what the plots open, in ns: the first incident that is an error.
 
-    Without one it is the first error (``error_ns``), without that the first incident; None: nothing.
+    Without one it is the first error (``error_ns``), without that the first incident.
     """
     grave = [line.t_ns for line in incidents if line.severity >= Severity.ERROR]
     others = [line.t_ns for line in incidents] if error_ns is None else [error_ns]
