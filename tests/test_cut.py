@@ -153,6 +153,24 @@ def test_two_buses_are_cut_at_one_time(tmp_path: Path, capsys: Capsys) -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.parametrize("part", [(), ("--from", "0.5", "--to", "1")], ids=["all", "part"])
+def test_one_bus_of_several_is_cut_out(
+    part: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    source = tmp_path / "two.log"
+    lines = LOG.read_text().splitlines(keepends=True)[:1500]
+    odd = f"{lines[0].split()[0]} odd #0102\n"  # nobody asks what is spoken there
+    source.write_text("".join([odd, *(line + line.replace("bus0", "arm") for line in lines)]))
+    one, both = tmp_path / "arm.mcap", tmp_path / "both.mcap"
+    ran = within(capsys, "cut", source, *part, "--bus", "arm", "-o", one)
+    assert (ran.status, "odd" in ran.err) == (0, False)
+    assert {c.bus for c in chunks(one)} == {"arm"}
+    assert within(capsys, "cut", source, "--bus", "arm,bus0", *part, "-o", both).status == 0
+    told = [[c.data for c in chunks(out) if c.bus == "arm" and c.data] for out in (one, both)]
+    assert told[0] == told[1] != []
+    assert {c.bus for c in chunks(both)} == {"arm", "bus0"}
+
+
 def test_a_capture_without_times_is_cut_by_the_pace_of_its_rate(
     tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -169,7 +187,8 @@ def test_a_capture_without_times_is_cut_by_the_pace_of_its_rate(
     ("arguments", "told"),
     [
         (("--from", "3", "--to", "2"), "--to must lie behind --from"),
-        ((), "say which part: --from, --to or both"),
+        ((), "say which part: --from, --to or both, or --bus"),
+        (("--bus", "leg"), "--bus: there is no bus leg, only bus0"),
         (("--from", "60"), "nothing was said from second 60 to its end: the capture has 8.0"),
     ],
 )

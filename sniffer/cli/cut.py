@@ -15,7 +15,7 @@ from sniffer.cli.options import (
     with_outputs,
     with_quiet,
 )
-from sniffer.cli.selecting import with_part
+from sniffer.cli.selecting import with_buses, with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
@@ -32,12 +32,14 @@ from sniffer.selection.places import Window
         "sniffer cut run.mcap --from @first-error --around 200ms -o error.mcap",
         "sniffer cut run.mcap --from @first-error:servo=3 --around 200ms -o three.mcap",
         "sniffer cut capture.log --to 1.5 -o begin.log",
+        "sniffer cut robot.mcap --bus arm -o arm.mcap",
         "sniffer cut run.mcap --from @first-error --around 2s --anonymise -o shared.mcap",
     ),
 )
 @with_files
 @decoding
 @with_part
+@with_buses
 @with_outputs("The part")
 @with_anonymise
 @with_force
@@ -47,6 +49,7 @@ def cut(
     options: Options,
     input_format: str,
     window: Window | None,
+    buses: tuple[str, ...],
     outputs: tuple[Path, ...],
     anonymise: bool,
     force: bool,
@@ -59,15 +62,18 @@ def cut(
     It is cut between frames and tears no exchange, so it says what the whole says there; it may
     begin and end a little outside of what was asked for. A part has every byte of its buses: those
     of some servos or commands alone are made by `sniffer convert run.mcap three.log --servo 3`.
+    With --bus it has those buses alone.
     """
-    if window is None or not window.is_part:
-        raise click.UsageError("say which part: --from, --to or both")
+    window = window or Window()
+    if not (window.is_part or buses):
+        raise click.UsageError("say which part: --from, --to or both, or --bus")
     with patient() as patience:
         done = cut_out(
             files,
             outputs,
             window,
             options,
+            buses=buses,
             input_format=input_format,
             anonymise=anonymise,
             overwrite=force,

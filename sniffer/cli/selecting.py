@@ -116,6 +116,10 @@ _PART_AND_PORTS = (
     _AROUND,
 )  # fmt: skip
 
+_BUSES = click.option(
+    "--bus", "buses", multiple=True, callback=_listed, metavar="NAME,...", help="Only these buses."
+)
+
 _ROWS = (
     click.option(
         "--where",
@@ -138,16 +142,18 @@ _ROWS = (
         "--code", "codes", multiple=True, callback=_listed, metavar="CODE,...",
         help="Only anomalies of these codes, such as no-response.",
     ),
-    click.option(
-        "--bus", "buses", multiple=True, callback=_listed, metavar="NAME,...",
-        help="Only these buses.",
-    ),
+    _BUSES,
 )  # fmt: skip
 
 
 def with_both_parts(command: Command) -> Command:
     """Add the options that say which part of two runs is meant; ``windows`` are what they say."""
     return gathered(command, _PARTS, _windows)
+
+
+def with_buses(command: Command) -> Command:
+    """Add the option that takes some buses alone; ``buses`` is what it says."""
+    return _BUSES(command)
 
 
 def with_start(command: Command) -> Command:

@@ -15,7 +15,7 @@ from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
-from sniffer.jobs.asked import Extract
+from sniffer.jobs.asked import Extract, buses_of
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -42,6 +42,7 @@ def cut(
     window: Window,
     options: Options | None = None,
     *,
+    buses: Sequence[str] = (),
     input_format: str = "auto",
     anonymise: bool = False,
     overwrite: bool = False,
@@ -59,6 +60,7 @@ def cut(
         outputs: the files, as for ``convert``.
         window: which part of it.
         options: how it is decoded: by that it is known where frames begin.
+        buses: only these; all of them where none is named.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         anonymise: times count from zero; names, ports and serial numbers are left out, and from
             what it was cut.
@@ -67,7 +69,8 @@ def cut(
         tell: takes what should be told; nothing is told without.
 
     Raises:
-        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        InputError: the input cannot be read, its protocol cannot be told, the window is empty, or
+            there is no such bus.
         OutputError: a file cannot be written; the others are whole.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
@@ -79,7 +82,7 @@ def cut(
         undecided_of(name_of(inputs), leads=True),
         open_capture(inputs, input_format, again=True, wiring=options.wired) as opened,
     ):
-        derived, options = part_of(opened, joined(inputs), window, options, tell)
+        derived, options = part_of(opened, joined(inputs), window, options, tell, buses)
         if anonymise:
             derived, options = anonymous(derived, options, tell)
         return convert_opened(
@@ -94,16 +97,21 @@ def cut(
 
 
 def part_of(
-    opened: Source, source: str, window: Window | None, options: Options, tell: Teller
+    opened: Source,
+    source: str,
+    window: Window | None,
+    options: Options,
+    tell: Teller,
+    buses: Sequence[str] = (),
 ) -> tuple[Derived, Options]:
     """Return a part of a source that can be read twice, as a source, and how it is decoded.
 
     Raises:
-        InputError: its protocol cannot be told, or nothing was said there.
+        InputError: its protocol cannot be told, nothing was said there, or there is no such bus.
     """
     options = options.with_facts(opened.facts(), opened.tables)
     asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
-    part = _found(opened, options, asked, tell)
+    part = _found(opened, source, options, asked, tell, buses)
 
     def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
         heard = merged(opened, groups, options, tell.quieter())
@@ -143,11 +151,18 @@ class _Part:
         return told
 
 
-def _found(opened: Source, options: Options, asked: Extract, tell: Teller) -> _Part:
-    """Find where the part begins and ends on each bus.
+def _found(
+    opened: Source,
+    source: str,
+    options: Options,
+    asked: Extract,
+    tell: Teller,
+    buses: Sequence[str],
+) -> _Part:
+    """Find where the part begins and ends on each bus; of some ``buses`` alone, if any are named.
 
     Raises:
-        InputError: nothing was said there.
+        InputError: nothing was said there, or there is no such bus.
     """
     slicer = Slicer()
     began: list[int] = []
@@ -159,7 +174,7 @@ def _found(opened: Source, options: Options, asked: Extract, tell: Teller) -> _P
                 began.append(group[0].t_ns or 0)
                 slicer.from_ns, slicer.to_ns = asked.ends(group[0].t_ns)
             heard.update((chunk.bus, None) for chunk in group)
-            yield group
+            yield [chunk for chunk in group if chunk.bus in buses] if buses else group
 
     pipeline = Pipeline(options, [slicer], on_detection=tell.found)
     undecided: UndecidedError | None = None
@@ -170,9 +185,11 @@ def _found(opened: Source, options: Options, asked: Extract, tell: Teller) -> _P
         pipeline.close()
     except UndecidedError as error:
         undecided = error
+    buses_of(source, [*heard], buses)
     part = _Part(slicer, pipeline, options)
     if part.spans and undecided is not None:
-        lost = and_([bus for bus in heard if pipeline.speaks(bus) is None])
+        silent = [bus for bus in heard if pipeline.speaks(bus) is None]
+        lost = and_([bus for bus in silent if not buses or bus in buses])
         tell.warn(Sentence("{lost}: {error}; left out", lost=lost, error=undecided))
     if not part.spans:
         if undecided is not None:

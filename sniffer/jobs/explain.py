@@ -40,7 +40,10 @@ def read_hex(text: str) -> bytes:
         pass
     odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
     why = "an odd number of hex digits" if odd else "not hex digits"
-    raise InputError(f"{text!r}: {why}; write bytes as FF FF FF 01 02 F1 0B")
+    told = "write bytes as FF FF FF 01 02 F1 0B"
+    if re.fullmatch(r"[0-9]+", squeezed):
+        told += f", a place in a capture as FILE@{squeezed}"
+    raise InputError(f"{text!r}: {why}; {told}")
 
 
 def explain_bytes(
