@@ -122,6 +122,9 @@ PLENTY: Final = 12
 """So many places are beyond doubt."""
 
 
+HIDDEN: Final = 0.45
+"""How much it counts where of the answers values alone tell: a weak signal alters them, too."""
+
 ONE_WAY: Final = 0.6
 """How much it counts that chance may have hit answers only, or requests only, so few they are."""
 
@@ -165,17 +168,15 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     altered = case.once(altered_bare)
     if altered:
         what += f"; values of {counted(altered, 'servo')} are in doubt"
+    requests_alone = asked_torn >= LEAST
+    requests_alone &= at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE
     if left >= LEAST and at_least(left, left + asked_torn, share) < CHANCE:
         yield _damage(case, rows, "damage-in-answers", None, what, "answers damaged")
-    elif (
-        asked_torn >= LEAST
-        and at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE
-        and not altered
-    ):
+    elif requests_alone and not altered:
         yield _damage(case, rows, "damage-in-requests", None, what, "requests damaged")
     else:
         sure = min(0.5 + (left + asked_torn) / (2 * PLENTY), 1.0)
-        sure *= 1.0 if left + altered and asked_torn else ONE_WAY
+        sure *= HIDDEN if requests_alone else 1.0 if left and asked_torn else ONE_WAY
         yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged", sure)
 
 
