@@ -107,6 +107,22 @@ def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock:
     assert verdicts(told.incidents())[0] == ("malformed-command", ())
 
 
+@pytest.mark.parametrize("every", [1, 20])
+def test_a_question_to_all_servos_is_answered_by_all_at_once(every: int) -> None:
+    """As on the community's pages of the LSS: "#254Q" brought "unreadable characters"."""
+    rng = random.Random(5)
+
+    def ask_all(talk: Conversation, cycle: int) -> None:
+        if cycle % every == 0:
+            talk.say(b"#254Q\r")
+            talk.rest(0.3)
+            talk.say(bytes(rng.choices(b"\0\2\x08\x20\x22\xc0\x40", k=7)))
+            talk.rest(5)
+
+    talk = robot("lss", 6, behind=ask_all, servos=(1, 2) if every > 1 else ())
+    assert verdicts(talk.diagnosed().incidents()) == [("malformed-command", ())]
+
+
 def test_noise_is_no_text_though_it_hits_letters() -> None:
     def also(talk: Conversation, cycle: int) -> None:
         if cycle % 4 == 1:

@@ -72,6 +72,14 @@ CLIENTS: Final = (
         )
         for proto, stamps in (("mz", "exact"), ("rs", "usb16"), ("mz", "none"))
     ),
+    Case(
+        "asks-all-lss",
+        "lss",
+        "rounds",
+        (1, 2, 3, 4),
+        "malformed-command",
+        faults=(Loops(lambda bus: lss(254, "QV"), 0.6, wait=0.03),),
+    ),
     *(
         Case(
             f"id-given-twice-{proto}",

@@ -369,15 +369,15 @@ def late_replies(case: Case) -> Iterator[Finding]:
         if n < AGAIN or others > n:
             continue
         told = case.anomalies("late-response", servo_id=servo)
-        answered = case.total("ok", servo)
+        answered = max(case.total("ok", servo), n)  # one may come too late to count as an answer
+        beside = f"of all others {others}" if len(case.answering) > 1 else "and no other answers"
         yield Finding(
             "late-replies",
             servo,
             int(told.t_ns.min()),
             int(told.t_ns.max()),
             n,
-            f"{n} of {answered} answers of servo {servo} come behind their window, of all others "
-            f"{others}",
+            f"{n} of {answered} answers of servo {servo} come behind their window, {beside}",
             case.places(told, "a late answer"),
             strength=min(0.5 + n / 20, 1.0),
             brief=f"servo {servo} answers late",

@@ -13,6 +13,7 @@ TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
 TRANSLATED = "bytes-translated"
 SENT_SO, SUMS_WRONG, HEAD_WRONG = "sent-translated", "sums-wrong", "head-wrong"
 TEXT, BROKEN_OFF = "text-sent", "requests-broken-off"
+ALL_ASKED = "all-asked-at-once"
 """The proofs: of a program behind the tap, and of the controller's."""
 
 WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
@@ -95,6 +96,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             "packets are right but for their checksums, which follow another formula",
         ),
         (BROKEN_OFF, 8.0, "what is there is as it should be, and the rest was not sent"),
+        (ALL_ASKED, 9.0, "a question to all has as many answers at once"),
         (TEXT, 9.0, "what is no frame is text: a program prints there"),
         (HEAD_WRONG, 12.0, "all is there, and one byte tells of another frame: it is sent so"),
         *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
@@ -127,6 +129,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
             (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
             (BROKEN_OFF, -6.0, "no byte is altered, and all that is missing are ends of requests"),
+            (
+                ALL_ASKED,
+                -7.0,
+                "only answers to questions to all are torn: they lie over each other",
+            ),
             (TEXT, -7.0, "noise makes no words"),
             (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
             (
