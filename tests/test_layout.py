@@ -139,9 +139,12 @@ def test_what_a_live_recording_does_not_index_is_not_listed(tmp_path: Path, caps
     assert "Table!transactions_of_bus0" in printed(capsys, whole)["configById"]
 
 
-def test_a_recording_that_was_cut_off_has_one_too(tmp_path: Path, capsys: Capsys) -> None:
+@pytest.mark.parametrize("how", [{}, {"size": 1, "flush_ns": 0}])
+def test_a_recording_that_was_cut_off_has_one_too(
+    how: dict[str, int], tmp_path: Path, capsys: Capsys
+) -> None:
     run, cut = tmp_path / "run.mcap", tmp_path / "cut.mcap"
-    live(run, talk("mightyzap", 2.0)).close()
+    live(run, talk("mightyzap", 1.0), **how).close()
     whole = run.read_bytes()  # how much is in which chunk depends on the machine: all chunks stay
     summary_at = int.from_bytes(whole[-28:-20], "little")
     cut.write_bytes(whole[:summary_at])

@@ -69,6 +69,7 @@ def _made(stream: BufferedReader, path: Path) -> dict[str, Any] | None:
     """Return the layout for what a recording holds, as far as it can be read."""
     records = Records(stream)
     topics: set[str] = set()
+    unfound: set[str] = set()
     fields: dict[str, set[str]] = {}
     names: dict[Named, str] = {}
     is_ours = False
@@ -82,9 +83,9 @@ def _made(stream: BufferedReader, path: Path) -> dict[str, Any] | None:
             elif isinstance(record, Piece):
                 for channel in np.unique(record.channel).tolist():
                     known = records.channels[channel]
-                    if not record.indexed and kind_of(known.topic) in ("raw", *BULK):
-                        continue  # viewers do not find it
                     topics.add(known.topic)
+                    if not record.indexed and kind_of(known.topic) in ("raw", *BULK):
+                        unfound.add(known.topic)  # viewers find next to nothing of it
                     if records.schemas[known.schema_id].name == ServoState.DESCRIPTOR.full_name:
                         fields.setdefault(known.topic, set()).update(_told(record, channel))
     except NotMcapError:
@@ -95,7 +96,7 @@ def _made(stream: BufferedReader, path: Path) -> dict[str, Any] | None:
         pass  # what comes before is shown
     if topics and not is_ours:
         raise InputError(f"{path} is an MCAP, but no recording of this tool")
-    return layout(topics, fields, names)
+    return layout(topics - unfound, fields, names)
 
 
 def _told(piece: Piece, channel: int) -> set[str]:
