@@ -110,13 +110,8 @@ def test_bytes_of_python_that_break_off_are_damage() -> None:
     assert "line 2, column 1: bytes in quotes that do not end on this line" in refusal(text)
 
 
-@pytest.mark.parametrize(
-    "before", ["2026-11-20 22:55:06.001216: ", "TX: ", "rx = ", "1795215306.01 ", "got "]
-)
-def test_bytes_of_python_behind_a_time_or_a_direction_are_told_how_to_be_logged(
-    before: str,
-) -> None:
-    log = "".join(f"{before}{data!r}\n" for data in FRAMES).encode()
+def test_bytes_of_python_behind_other_words_are_told_how_to_be_logged() -> None:
+    log = "".join(f"got {data!r}\n" for data in FRAMES).encode()
     assert "bytes as Python shows them is not read: print `f'({time.time()" in refusal(log)
     assert "as Python shows them" in refusal(f"{bytearray(LSS)!r}\n".encode())
 
@@ -139,13 +134,7 @@ def test_the_line_that_putty_writes_first_is_no_traffic() -> None:
         ("1216-1355 UART: RX data: FF\n1390-1529 UART: RX data: A0", "sigrok-cli"),
         ("0\t0.00121600\tservo.exe\tIRP_MJ_WRITE\tSerial0\tSUCCESS\tLength 2: FF A0", "HEX"),
         ("Offset(h) 00 01 02\n\n00000000  FF A0 00  ...", "dump with `xxd`"),
-        ("Sent: FF A0 00 20", "(seconds.fraction)"),
-        ("TX: ffa00020", "(seconds.fraction)"),
-        ("tx=ffa00020", "(seconds.fraction)"),
-        ("tx=ff a0 00 20", "(seconds.fraction)"),
-        ("-> ffa00020", "(seconds.fraction)"),
         ("ffff88812ac9f000 3575914555 S Bo:1:009:2 -115 4 = ffa00020", "dumpcap -i usbmon1"),
-        ("[    0.001216] FF A0 00 20", "(seconds.fraction)"),
     ],
 )
 def test_what_other_programs_write_is_refused_with_the_way_out(line: str, instead: str) -> None:

@@ -26,6 +26,7 @@ from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.interceptty import read_interceptty
 from sniffer.sources.jpnevulator import read_jpnevulator
 from sniffer.sources.jsonl import read_jsonl
+from sniffer.sources.labelled import read_labelled
 from sniffer.sources.logic_forms import LABELS, ZIPPED
 from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.packed import unpacked
@@ -100,6 +101,7 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "docklight": read_docklight,
         "interceptty": read_interceptty,
         "grabserial": read_grabserial,
+        "labelled": read_labelled,
         "saleae": read_saleae,
         "jsonl": read_jsonl,
         "pcap": _read_pcap,
@@ -129,6 +131,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "docklight": "a log of Docklight in HEX",
     "interceptty": "a log of interceptty",
     "grabserial": "a log of grabserial in hex",
+    "labelled": "bytes in hex behind times or directions",
     "saleae": "a table of Saleae's Async Serial analyzer",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "pcap": "a capture of Wireshark's kind (pcap, pcapng)",

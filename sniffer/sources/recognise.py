@@ -14,7 +14,7 @@ from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import Sentence
 from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
-from sniffer.sources import candump, jsonl
+from sniffer.sources import candump, jsonl, labelled
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.locales import with_points
 from sniffer.sources.logic_forms import logic_form
@@ -39,8 +39,6 @@ MCAP_MAGIC: Final = b"\x89MCAP"
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
-# Lynxmotion LSS: "#5QD" asks, "*5QD1443" answers; only "*QID5" names no servo
-_LSS: Final = later(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
 _COLOUR: Final = later(rb"\x1b\[[0-9;]*m")
 _LIST: Final = later(rb"[{\[(]")
 _LISTED: Final = later(rb"[0-9]+")
@@ -79,6 +77,9 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
     if not _is_printable(b"\n".join(lines[:FIRST_LINES])):
         _refuse_colours(lines)
         return "bin"
+    refuse_log([line for line in lines[:FIRST_LINES] if not labelled.states(line)])
+    if labelled.is_log(lines[:FIRST_LINES]):
+        return "labelled"
     refuse_log(lines[:FIRST_LINES])
     refuse_words(lines)
     refuse_gutter(lines)
@@ -124,7 +125,7 @@ def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
 def _is_lss(text: bytes) -> bool:
     """Tell raw LSS traffic, which is text, from dumps, comments and ``*`` lines."""
     lines = [line.strip() for line in re.split(rb"[\r\n]+", text[:4096]) if line.strip()]
-    spoken = [line for line in lines if _LSS.fullmatch(line)]
+    spoken = [line for line in lines if labelled.LSS_LINE.fullmatch(line)]
     if not spoken:
         return False
     # hex with comments like "#5QD" exists too: it has no answers, and no bare carriage returns

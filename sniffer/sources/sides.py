@@ -81,7 +81,7 @@ class _Sides:
         if self.told is _SWAPPED:
             told = f"what it marks {second} comes from the controller: that is TX here"
             self._notes.append(told)
-        elif self.told is _UNTOLD:
+        elif self.told is _UNTOLD and any(c.direction is not UNKNOWN for c in self._held):
             told = f"its frames do not tell whether {first} or {second} is the controller's side"
             self._notes.append(told)
         held, self._held = self._held, []
