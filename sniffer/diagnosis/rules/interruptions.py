@@ -41,7 +41,8 @@ FINDINGS: Final = (
         "controller",
         "A request runs into an answer: both are torn.",
         "Damage in the place of an answer that begins or ends as one of the controller's own "
-        "requests, byte for byte, and not as the answer that is due.",
+        "requests, byte for byte, and not as the answer that is due, nor with a whole answer's bytes "
+        "beside it: two lines may only have lost the end that parts them.",
     ),
     FindingCode(
         "request-swallowed",
@@ -291,14 +292,18 @@ def _most_equal(got: bytes, frames: Sequence[bytes]) -> int:
 def _holds_request(d: Damage, known: Sequence[bytes], header: int, due: Sequence[bytes]) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due.
 
-    ``header`` is how many first bytes all requests share: answers have them, too. Where a servo has
+    Where as many bytes as an answer has stand beside it, two lines lost the end that parts them,
+    and none ran into the other. ``header`` is how many first bytes all requests share: answers have them, too. Where a servo has
     had no whole answer, ``due`` are those of its peers with its id, which a request has as well.
     """
     if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
         return False  # nothing but a request that is torn
     tail = max((alike(d.got[::-1], one[::-1]) for one in due), default=0)
     head = max((alike(d.got, one) for one in due), default=0)
+    shortest = min(map(len, due), default=d.length)
     for request in known:
+        if d.length - len(request) >= shortest:
+            continue
         ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
         if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE, header + 1):
             return True
