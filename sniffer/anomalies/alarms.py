@@ -13,12 +13,12 @@ import difflib
 import operator
 import re
 from collections import Counter
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.amounts import time_as, time_in
 from sniffer.ground.codes import COMMANDED, MEASURED
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import InputError, Severity
 from sniffer.ground.units import SIGNS

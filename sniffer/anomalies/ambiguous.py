@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from sniffer.anomalies.rules import anomaly
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import numbers
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import DEPTH
 

@@ -6,12 +6,12 @@ and a test holds the two equal. A code never changes its meaning.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.alarms import ALARM_CODES
 from sniffer.anomalies.tap import TAP_CODES
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import click
 from click.core import ParameterSource
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.wording import and_, nearly, offered
 
 VARIABLE: Final = "SNIFFER_PROFILE"

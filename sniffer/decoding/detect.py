@@ -22,6 +22,7 @@ explains more: its frames are shorter, so more of them stay whole.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -32,7 +33,6 @@ from sniffer.decoding.sums import wrong_sums
 from sniffer.decoding.translations import translated
 from sniffer.ground.chunks import ChunkColumns
 from sniffer.ground.framing import Block
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
 from sniffer.ground.patterns import later
 from sniffer.ground.timing import Stamps

@@ -20,6 +20,7 @@ on backwards (``mirror`` in ``by_key``): the older a question, the likelier it w
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,7 +28,6 @@ import numpy as np
 from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, ON_ITS_OWN, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
 
 if TYPE_CHECKING:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.alarms import alarm_in, refusal
 from sniffer.decoding.called import ServoNames, names_in, overlaid
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
 from sniffer.ground.wiring import Wiring

@@ -10,7 +10,7 @@ with their question, in deliveries that are never closer than the timer.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -20,7 +20,6 @@ from sniffer.decoding.pairing import Pairing
 from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import F64, I64, MS, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns

@@ -10,7 +10,7 @@ without end; then the cut stays, and requests whose answers stand behind it are 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -30,7 +30,6 @@ from sniffer.ground.codes import (
     RESPONSE,
     UNSOLICITED,
 )
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import ECHO, I64, U8, Frames, Mask, Transactions
 

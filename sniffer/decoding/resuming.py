@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.mixed import decoder_of
 from sniffer.decoding.options import AUTO
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.totals import add_totals
-from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

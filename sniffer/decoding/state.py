@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import SnifferError
 
 if TYPE_CHECKING:

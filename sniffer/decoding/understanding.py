@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import Scores, UndecidedError
 from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.options import AUTO
-from sniffer.ground.frozen import dataclass
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import functools
 import operator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
 import numpy as np
-
-from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

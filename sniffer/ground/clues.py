@@ -8,12 +8,12 @@ knows a model or a protocol: all of it follows from the tables.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.ground.codes import WHOLE
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.registers import TYPES
 
 if TYPE_CHECKING:

@@ -7,13 +7,12 @@ silences that no frame crosses.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sniffer.ground.codes import REQUEST, RESPONSE
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import I64, U8, Mask, Spans
 
 if TYPE_CHECKING:

@@ -14,12 +14,10 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-
-from sniffer.ground.frozen import dataclass
 
 Observed = Mapping[str, Any]
 """What can still be told of a memory from outside: plain values, which are compared."""

@@ -10,7 +10,7 @@ Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them a
 from __future__ import annotations
 
 import enum
-from dataclasses import field, fields
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sniffer.ground.columnar import Columns, column_names
-from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -7,13 +7,13 @@ expression and checksum are read from it. What the walker does not know it refus
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import construct as c
 import numpy as np
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.sealed import Edge, Sealed, Stretch
 from sniffer.ground.wire import ByCode, Order, Seal, order_of
 

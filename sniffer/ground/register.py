@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.ground.codes import CONFIG
-from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import functools
 import re
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, ROLES
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import SnifferError
 from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
 from sniffer.ground.toml import quick, text_of

@@ -7,13 +7,12 @@ takes the columns as they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, overload
 
 import numpy as np
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import I64, U8, Chunk, Clock, Direction, Mark
 
 if TYPE_CHECKING:

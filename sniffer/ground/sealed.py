@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-
-from sniffer.ground.frozen import dataclass
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, U8, Mask

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import functools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
 from sniffer.ground.files import TABLES, files_of
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous

@@ -6,6 +6,7 @@ import contextlib
 import datetime
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -22,7 +23,6 @@ from sniffer.ground.files import (
     probe,
     refuse_occupied,
 )
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import and_
 from sniffer.messages import OFFSET, TOOL

@@ -6,7 +6,7 @@ rows, gaps and ``explain``) and ``Oracle`` (one frame at a time, for the referen
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from typing import Protocol as TypingProtocol
@@ -14,7 +14,6 @@ from typing import Protocol as TypingProtocol
 import numpy as np
 
 from sniffer.ground.codes import PROFILE
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:

@@ -6,11 +6,10 @@ Used by ``sniffer explain``; slow and rare. Knows the construct classes that the
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from typing import Any
 
 import construct as c
-
-from sniffer.ground.frozen import dataclass
 
 
 @dataclass(frozen=True, slots=True)

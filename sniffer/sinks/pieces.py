@@ -7,12 +7,11 @@ finished (``Joining``). Any other is given the batches themselves.
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from sniffer.decoding.sink import over, taken, written
 from sniffer.ground.files import open_binary, writing
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.pickling import write_pickle
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.patterns import later
 from sniffer.sources.text import (
     CUT_OFF,

@@ -8,12 +8,11 @@ having yielded all that came before.
 from __future__ import annotations
 
 import csv
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import Chunk, DamagedInputError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ is each model's own.
 from __future__ import annotations
 
 import re
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,7 +28,6 @@ from construct import (
     Struct,
 )
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.registers import load_models
 from sniffer.protocols.base import joined
 

@@ -6,9 +6,9 @@ The grammar says what a line is; this says where a line stops being one.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Any, Final
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import Gap
 from sniffer.ground.patterns import later
 from sniffer.protocols.lss.grammar import (

@@ -6,13 +6,13 @@ the lowest byte). Longer words and numbers, texts and damage go to ``lines.read`
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from sniffer.ground.columnar import Columns
-from sniffer.ground.frozen import dataclass
 from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,

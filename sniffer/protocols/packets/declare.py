@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import functools
 import io
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import construct as c
 
 from sniffer.ground.codes import NEVER
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.registers import numbered
 from sniffer.ground.wire import ByCode

@@ -9,13 +9,13 @@ which command it answers. For example HerkuleX, ``44`` answers ``04``::
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import construct as c
 import numpy as np
 
 from sniffer.ground.codes import ON_ITS_OWN
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.model import MALFORMED
 from sniffer.ground.wire import AllBut
 from sniffer.protocols.packets.declare import ADDRESS_AT, ANY, CODE_AT, KEY

@@ -5,12 +5,12 @@ What the walker does not know it refuses when the protocol is made, it guesses n
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import construct as c
 
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.plan import asked_by
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ values are little-endian. What only siblings' manuals or real controllers show i
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,7 +33,6 @@ from construct import (
 )
 
 from sniffer.ground.checksums import XOR8
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.registers import bit_names, load_models
 
 if TYPE_CHECKING:

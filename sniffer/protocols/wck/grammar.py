@@ -14,6 +14,7 @@ Source: RoboBuilder wCK series user's manual 1.07, A-1 Communication Protocol, A
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -34,7 +35,6 @@ from construct import (
 )
 
 from sniffer.ground.checksums import XOR7
-from sniffer.ground.frozen import dataclass
 from sniffer.ground.registers import load_models
 
 if TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.ground.codes import REQUEST, RESPONSE
-from sniffer.ground.frozen import dataclass
 from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck.block import DATA1, DATA2, ID_BITS, PARAMS, SYNC
 from sniffer.protocols.wck.grammar import MASKS, OPS, REGISTERS, UNKNOWN_OP, Bits
