@@ -201,6 +201,17 @@ def test_a_part_that_cannot_be_says_why(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("more", [(), ("--bus", "bus0")], ids=["all", "a bus"])
+def test_nothing_is_cut_out_of_an_empty_capture(
+    more: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    source = tmp_path / "in.bin"
+    source.touch()
+    ran = within(capsys, "cut", source, "--to", "1", *more, "-o", tmp_path / "x.mcap")
+    assert ran.status == 2
+    assert ran.complaint.startswith("nothing was said from its beginning to second 1")
+
+
 def test_the_input_is_not_cut_into_itself(tmp_path: Path, capsys: Capsys) -> None:
     source = tmp_path / "in.log"
     source.write_bytes(LOG.read_bytes())

@@ -185,11 +185,10 @@ def _found(
         pipeline.close()
     except UndecidedError as error:
         undecided = error
-    buses_of(source, [*heard], buses)
+    wanted = buses_of(source, [*heard], buses) if heard else []
     part = _Part(slicer, pipeline, options)
     if part.spans and undecided is not None:
-        silent = [bus for bus in heard if pipeline.speaks(bus) is None]
-        lost = and_([bus for bus in silent if not buses or bus in buses])
+        lost = and_([bus for bus in wanted if pipeline.speaks(bus) is None])
         tell.warn(Sentence("{lost}: {error}; left out", lost=lost, error=undecided))
     if not part.spans:
         if undecided is not None:
