@@ -34,7 +34,6 @@ from sniffer.decoding.translations import translated
 from sniffer.ground.chunks import ChunkColumns
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
-from sniffer.ground.patterns import later
 from sniffer.ground.timing import Stamps
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
@@ -147,21 +146,11 @@ class UndecidedError(InputError):
         return UndecidedError(told, likely=self.likely)
 
 
-_SHOWN_LINES: Final = later(rb"(?m)^[#*]\d{0,3}[A-Za-z]{1,8}-?\d*$")
-_RETURNS: Final = (
-    "these are LSS lines without their carriage returns, as a terminal shows them: put them back: "
-    "`tr '\\n' '\\r' < FILE | sniffer decode -`"
-)
-"""What a copy from a terminal lacks: on the wire it is the carriage return that ends a line."""
-
-
 def _hint(head: bytes) -> tuple[str, str]:
     """Return whose frames are meant though none holds, and what is to be done, as a template."""
     altered = translated(head, None)
     if altered is not None:
         return "", f"they are not as they were on a wire: {altered.what} ({altered.shown})"
-    if b"\r" not in head and len(_SHOWN_LINES.findall(head)) > 1:
-        return "", _RETURNS
     failed = wrong_sums(head, None)
     if failed is not None:
         return failed.protocol, f"name it with {{protocol}}; {failed}"

@@ -29,6 +29,9 @@ CR, LF = b"\r", b"\n"
 LEAST_BYTES: Final = 64
 """Of fewer bytes nothing is said."""
 
+LEAST_TEXT: Final = 16
+"""The same of lines of text that all hold as soon as they end as they should: two lines."""
+
 HOLDS: Final = 0.95
 """Part of the bytes that frames claim once a translation is undone."""
 
@@ -86,11 +89,15 @@ class Translated(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """A translation of a whole stream that can be undone; ``may_be`` tells what cannot be one."""
+    """A translation of a whole stream that can be undone; ``may_be`` tells what cannot be one.
+
+    Of fewer bytes than ``least`` nothing is said.
+    """
 
     what: str
     may_be: Callable[[bytes], bool]
     undo: Callable[[bytes], bytes]
+    least: int = LEAST_BYTES
 
 
 class _Swallowed(NamedTuple):
@@ -178,9 +185,11 @@ WHOLE: Final = (
         lambda data: data.replace(CR + LF, LF),
     ),
     _Whole(
-        "every 0D came as 0A, as terminals with ICRNL and text files make it",
+        "every 0D came as 0A, as terminals with ICRNL and text files make it; put them back: "
+        r"`tr '\n' '\r' < FILE | sniffer decode -`",
         lambda data: CR not in data and LF in data,
         lambda data: data.replace(LF, CR),
+        LEAST_TEXT,
     ),
     _Whole(
         "the ends of lines (0D) were taken away",
@@ -248,7 +257,7 @@ def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
         protocol: by which it is decoded, None: nobody knows. Where it does not hold, others are
             tried, too.
     """
-    if len(head) < LEAST_BYTES:
+    if len(head) < min(whole.least for whole in WHOLE):
         return None
     own = [] if protocol is None else [protocol]
     some = {p.name: p for p in (*map(PROTOCOLS.__getitem__, PROTOCOLS.built_in), *own)}
@@ -256,6 +265,8 @@ def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     if not min(lost.values()):
         return None
     found = _undone(some.values(), head, min(lost.values()))
+    if len(head) < LEAST_BYTES:
+        return found
     for one in own if found is None else ():
         found = _mended(one, head)
     return found or _mended_of(some.values(), head, lost) or _replaced(head)
@@ -269,7 +280,7 @@ def _unclaimed(protocol: BusProtocol, data: bytes) -> int:
 def _undone(some: Iterable[BusProtocol], head: bytes, lost: int) -> Translated | None:
     """Look for a translation of all bytes: undone, they hold."""
     for whole in WHOLE:
-        if not whole.may_be(head):
+        if len(head) < whole.least or not whole.may_be(head):
             continue
         data = whole.undo(head)
         for protocol in some:
