@@ -74,6 +74,8 @@ def test_of_a_digit_only_the_bits_are_seen_that_make_no_other_digit() -> None:
 
 def test_a_checksum_shows_each_bit_alike() -> None:
     assert chance_of([shares_of([b"\x01\x02"], frozenset())], [3]) == 1 / 8
+    # where nothing that is altered would be seen, each bit is as likely
+    assert chance_of([shares_of([b"0"], frozenset(range(256)))], [3]) == 1 / 8
     assert chance_of([], range(5, 8)) == 3 / 8
 
 

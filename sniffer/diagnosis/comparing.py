@@ -29,10 +29,10 @@ def bits_wrong(got: bytes, meant: bytes) -> int:
     return sum((a ^ b).bit_count() for a, b in zip(got, meant, strict=False))
 
 
-def is_altered(got: bytes, whole: bytes) -> bool:
-    """Tell whether bytes are those of a request, some of them altered."""
+def is_altered(got: bytes, whole: bytes, still: float = ALTERED) -> bool:
+    """Tell whether bytes are those of a request, some altered; ``still``: which part is not."""
     same = sum(a == b for a, b in zip(got, whole, strict=False))
-    return got != whole and len(got) == len(whole) and same >= ALTERED * len(whole)
+    return got != whole and len(got) == len(whole) and same >= still * len(whole)
 
 
 def header_of(known: Sequence[bytes]) -> int:

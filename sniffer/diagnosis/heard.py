@@ -12,9 +12,9 @@ Neither is a second answer to the request before, nor was it torn by one.
 from __future__ import annotations
 
 import itertools
-import operator
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.diagnosis.comparing import is_altered
 from sniffer.diagnosis.damage import IN_IDLE, IN_REQUEST
 
 if TYPE_CHECKING:
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
 
-FEW: Final = 4
-"""One byte in so many is torn where what is torn is surely a request that is known."""
-
+SURELY: Final = 0.75
+"""Part of the bytes that are as they should be where what is torn is surely a known request."""
 
 MOSTLY: Final = 0.5
+"""Part of the torn requests that are answered where it is the tap that tears them."""
 
 
 class HeardWhole(NamedTuple):
@@ -70,6 +70,4 @@ def _heard(case: Case) -> HeardWhole:
 
 def _is_nearly(got: bytes, known: Iterable[bytes]) -> bool:
     """Tell whether torn bytes are surely one of some requests, but for a few bytes."""
-    return any(
-        len(one) == len(got) and sum(map(operator.ne, one, got)) <= len(got) // FEW for one in known
-    )
+    return any(is_altered(got, one, SURELY) for one in known)

@@ -37,7 +37,8 @@ def shares_of(frames: Iterable[bytes], signs: frozenset[int]) -> Shares:
         near = [bit for bit in range(BITS) if byte ^ 1 << bit in signs]
         if len(near) == 1:
             any_other[near[0]] += 1
-    return tuple(tuple(n / sum(counts) for n in counts) for counts in (one, any_other))
+    ways = [counts for counts in (one, any_other) if any(counts)]
+    return tuple(tuple(n / sum(counts) for n in counts) for counts in ways) or ALIKE
 
 
 def chance_of(seen: Sequence[Shares], bits: Iterable[int]) -> float:

@@ -72,6 +72,11 @@ WARMER_DEGC: Final = 10.0
 
 def positions(case: Case) -> Iterator[Finding]:
     """Positions that jump."""
+    yield from case.once(_positions)
+
+
+def _positions(case: Case) -> Sequence[Finding]:
+    out = []
     for servo in case.servos:
         for p in case.every(servo, "position"):
             steps = case.ledger.steps.of(servo, p.index)
@@ -79,8 +84,9 @@ def positions(case: Case) -> Iterator[Finding]:
             if not case.has_clock:
                 jumps = sorted({*jumps, *_trips(case, servo, p)}, key=lambda s: s.at)
             if jumps:
-                yield _jumped(case, servo, p, jumps)
+                out.append(_jumped(case, servo, p, jumps))
                 break
+    return out
 
 
 def altered_bare(case: Case) -> int:
@@ -88,8 +94,8 @@ def altered_bare(case: Case) -> int:
 
     Such an answer holds whatever was altered in it: that none looks torn says nothing of answers.
     """
-    jump = 0 if case.has_checksum else sum(1 for _ in positions(case))
-    return jump if jump > 1 else 0
+    many = 0 if case.has_checksum else len(case.once(_positions))
+    return many if many > 1 else 0
 
 
 def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Leap]:

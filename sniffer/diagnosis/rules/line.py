@@ -121,7 +121,6 @@ SPARED: Final = 0.02
 PLENTY: Final = 12
 """So many places are beyond doubt."""
 
-
 HIDDEN: Final = 0.45
 """How much it counts where of the answers values alone tell: a weak signal alters them, too."""
 
@@ -165,7 +164,7 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         f"{left} of {answers} answers of {counted(len(answered), 'servo')} and "
         f"{asked_torn} of {requests} requests are damaged"
     )
-    altered = case.once(altered_bare)
+    altered = altered_bare(case)
     if altered:
         what += f"; values of {counted(altered, 'servo')} are in doubt"
     requests_alone = asked_torn >= LEAST
