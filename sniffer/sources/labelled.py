@@ -175,7 +175,7 @@ class _Lines(TextLog):
         if stamp is None:
             return Chunk(data, bus=self._bus, direction=direction)
         self.timed = True
-        places = len((stamp["part"] or stamp["fraction"] or b"")[:_NANO])
+        places = len(stamp["part"] or stamp["fraction"] or b"")
         marks = coarse(len(data), places)
         return Chunk(data, self._time(stamp, number), Clock.FILE, self._bus, direction, marks)
 
