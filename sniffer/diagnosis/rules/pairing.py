@@ -11,7 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import so_even, sureness
 from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.questions import is_one_question
+from sniffer.diagnosis.questions import is_one_question
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
