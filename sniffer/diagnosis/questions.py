@@ -14,7 +14,7 @@ AGAIN: Final = 3
 """Times that a question was left before."""
 
 LONGER: Final = 3
-"""A servo is gone that is silent for so many times as long as ever, though asked what it answered."""
+"""A servo is gone that is silent so many times as long as ever, though asked what it answered."""
 
 
 def is_one_question(case: Case, servo: int, last: Silence) -> bool:
