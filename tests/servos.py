@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.simulation.buses import simulate
@@ -15,16 +15,26 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from sniffer.diagnosis import Diagnosis, Finding
+    from sniffer.ground.registers import RegisterMap
 
 BEGAN_NS = 1_700_000_000 * NS
 
 
 @functools.cache
-def suffering(protocol: str, fault: str = "", seconds: float = 14.0, seed: int = 1) -> Diagnosis:
+def suffering(
+    protocol: str,
+    fault: str = "",
+    seconds: float = 14.0,
+    seed: int = 1,
+    model: RegisterMap | None = None,
+) -> Diagnosis:
     """Return the diagnosis of a simulated bus with faults (a word each), by an exact clock."""
     faults = [read_fault(word) for word in fault.split()]
     frames = simulate(protocol, seed=seed, faults=faults, duration_s=seconds, start_ns=BEGAN_NS)
-    return diagnosed(chunks_of(frames), protocol)
+    own: dict[str, Any] = (
+        {} if model is None else {"tables": (model,), "models": {None: model.model}}
+    )
+    return diagnosed(chunks_of(frames), protocol, **own)
 
 
 def finding(diagnosis: Diagnosis, code: str) -> Finding | None:

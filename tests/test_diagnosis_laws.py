@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.diagnosis import Diagnosis
 from sniffer.diagnosis.case import Case
+from sniffer.diagnosis.ledger import ASKED
+from sniffer.ground.model import Chunk, Clock
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import FAULTS, Fault
+from tests.conversations import T0
 from tests.diagnosed import chunks_of, diagnosed, found
-
-if TYPE_CHECKING:
-    from sniffer.ground.model import Chunk
+from tests.streams.mightyzap import packet
 
 
 @functools.cache
@@ -50,7 +51,7 @@ def tables(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         out.append({"refusals": {k: c.tolist() for k, c in case.ledger.refusals.counted().items()}})
         places = [(s, k) for s in case.servos for k in range(len(case.protocol.registers))]
         out.append({"steps": [list(case.ledger.steps.of(*place)) for place in places]})
-        out.append({"damages": list(case.damages)})
+        out.append({"damages": list(case.damages), "unsure": case.ledger.exchanges.unsure_ns})
         rows = case.happenings
         out.append({"events": [getattr(rows, n).tolist() for n in ("kind", "what", "t_ns", "at")]})
     return out
@@ -68,6 +69,25 @@ def test_what_is_remembered_does_not_depend_on_how_chunks_are_grouped(
     for one, other in zip(tables(whole), tables(cut), strict=True):
         assert one == other
     assert told(whole) == told(cut)
+
+
+def test_a_scan_of_thousands_of_registers_stops_no_clock_of_what_is_asked_always() -> None:
+    asked = packet(1, 0xF2, b"\x8c\x02") + packet(1, 0, b"\x00\x08")
+    scan = [packet(k // 32 + 2, 0xF2, bytes([k % 32, 1])) for k in range(ASKED + 100)]
+    said = [*[asked] * 20, b"".join(scan), *[asked] * 80]
+    chunks = [Chunk(data, T0 + k * 10**7, Clock.SAMPLE) for k, data in enumerate(said)]
+    diagnosis = Diagnosis()
+    pipeline = Pipeline(Options(protocol="mightyzap"), [diagnosis], ahead=chunks)
+    for chunk in chunks:
+        pipeline.feed([chunk])
+        diagnosis.cases()  # what waits is remembered, a request at a time
+    pipeline.close()
+    (case,) = diagnosis.cases()
+    periods = case.ledger.periods
+    assert periods.count(periods.keys[0]) == 99
+    slowest = periods.at(periods.keys[0], 1.0)
+    assert slowest is not None
+    assert slowest.high < 25 * 10**6
 
 
 @pytest.mark.parametrize("protocol", BUSES)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.misread import of_peers
+from sniffer.ground.registers import RegisterMap, schema_path
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.servos import lss, suffering
@@ -310,6 +311,17 @@ def test_torque_that_the_controller_switches_on_again_has_not_outlived_a_silence
     d = suffering("rs30x", "reset-loop:5:1.5% dead:1@6s", 14.0)
     assert "torque-survives" not in codes(d)
     assert verdicts(d.incidents()) == [("servo-reset-loop", (5,)), ("servo-dead", (1,))]
+
+
+def test_of_a_model_without_torque_nothing_is_told_by_its_torque() -> None:
+    text = schema_path("registers", "mightyzap-l12.toml").read_text(encoding="utf-8")
+    head, *rows = text.replace('"mightyzap-l12"', '"limp"').split("[[register]]")
+    without = "[[register]]".join(
+        [head, *(r for r in rows if 'quantity = "torque_enable"' not in r)]
+    )
+    own = RegisterMap.from_text(without, "limp.toml")
+    d = suffering("mightyzap", "reset-loop:2:1.5%", model=own)
+    assert ("servo-reset-loop", (2,)) in verdicts(d.incidents())
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.motors import strength_of
 from sniffer.diagnosis.weighing import explain
+from sniffer.diagnosis.weights import WEIGHTS
 from tests.conversations import T0, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found
 
@@ -50,6 +51,14 @@ def test_a_way_in_which_one_servos_answers_are_torn_is_not_of_what_befell_anothe
     torn = [told("first-byte-torn", servo_id=6), told("strays-anywhere", servo_id=None)]
     assert not explain([*torn, told("damaged-frame", servo_id=1)])
     assert explain([*torn, told("damaged-frame", servo_id=6)])
+
+
+def test_a_cause_that_is_a_manner_of_something_else_is_no_rival_either() -> None:
+    more = [told("goes-on-unanswered", 0.7), told("duplicate-response", 0.3, servo_id=2)]
+    (explained,) = explain([told("first-byte-torn"), *more])
+    causes = [c.cause for c in explained.causes]
+    assert "turnaround" not in causes
+    assert all(f.code in WEIGHTS[causes[0]] for f in explained.findings)
 
 
 def test_strays_at_the_turn_are_of_two_servos_with_one_id_where_there_are_two() -> None:

@@ -151,6 +151,26 @@ def test_goals_beyond_the_manuals_range_are_out_of_range(protocol: str) -> None:
     assert verdicts(told.incidents()) == [("goal-out-of-range", (2,))]
 
 
+def test_goals_are_not_counted_by_other_numbers_that_are_out_of_range_as_well() -> None:
+    def too_fast(talk: Conversation, cycle: int) -> None:
+        too_far(talk, cycle)
+        if cycle % 10 == 0:
+            talk.write(mightyzap.packet(2, 0xF3, b"\x88" + (2000).to_bytes(2, "little")))
+
+    (goals,) = (
+        f
+        for f in found(robot("mightyzap", 6, behind=too_fast).diagnosed())
+        if f.code == "goal-beyond-range"
+    )
+    assert goals.what.startswith("goals of servo 2 are out of range")
+    (goals,) = (
+        f
+        for f in found(robot("mightyzap", 6, behind=too_far).diagnosed())
+        if f.code == "goal-beyond-range"
+    )
+    assert goals.what.startswith("40 goals of servo 2 are out of range")
+
+
 def limited(protocol: str, low: int, high: int) -> Conversation:
     """Read the limits of servo 2, then move it."""
 

@@ -38,6 +38,7 @@ from sniffer.ground.model import MALFORMED, UNUSUAL, Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.packets import MUST, Command, Member
+from sniffer.sinks.tables import frames_table
 from tests.members import heard, outcomes, protocol, values
 from tests.records import batches, gaps, records
 from tests.streams import chunked
@@ -209,6 +210,8 @@ def test_an_address_of_sixteen_bits_is_an_address() -> None:
     batch = heard("dynamixel2", ask, status("dynamixel2", 1, 0, b"\x01\x02"))
     assert batch.frames.address.tolist() == [0xFFFF, 0xFFFF]
     assert outcomes(batch) == ["ok"]
+    table = frames_table("bus0", protocol("dynamixel2"), batch)
+    assert table["address"].to_pylist() == [0xFFFF, 0xFFFF]
 
 
 def test_spans_that_differ_by_a_multiple_of_512_are_read_apart() -> None:

@@ -183,6 +183,16 @@ def test_packets_that_state_another_length_than_they_have_are_the_controllers(
     assert "head-wrong" in codes(diagnosis)
 
 
+@pytest.mark.parametrize("requests", [10, 13, 18, 25, 27])
+def test_from_ten_on_any_number_of_them_is_enough(requests: int) -> None:
+    def goals(talk: Conversation, cycle: int) -> None:
+        if cycle < requests:
+            talk.say(stated(talk.tongue.goal(1, cycle / requests), 6, 1, as_sent=True))
+            talk.rest(3)
+
+    assert "head-wrong" in codes(robot("rs30x", 1, behind=goals, goals=False).diagnosed())
+
+
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 def test_a_head_that_is_torn_at_times_is_not_sent_so(protocol: str) -> None:
     rng = random.Random(11)

@@ -9,21 +9,28 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
+NOTHING = 40.0
+"""Terms whose log is less by that change nothing in the digits of a sum, however many there are."""
+
+
 def at_least(k: int, n: int, p: float) -> float:
     """Return how likely k or more of n are, each having the chance p."""
     if k <= 0 or p >= 1.0:
         return 1.0
     if k > n or p <= 0.0:
         return 0.0
-    logs = [
-        math.lgamma(n + 1)
-        - math.lgamma(i + 1)
-        - math.lgamma(n - i + 1)
-        + i * math.log(p)
-        + (n - i) * math.log1p(-p)
-        for i in range(k, n + 1)
-    ]
-    most = max(logs)
+    logs, most = list[float](), -math.inf
+    for i in range(k, n + 1):
+        logs.append(
+            math.lgamma(n + 1)
+            - math.lgamma(i + 1)
+            - math.lgamma(n - i + 1)
+            + i * math.log(p)
+            + (n - i) * math.log1p(-p)
+        )
+        most = max(most, logs[-1])
+        if logs[-1] < most - NOTHING:  # from the likeliest number on each is rarer than the last
+            break
     return min(math.exp(most) * sum(math.exp(x - most) for x in logs), 1.0)
 
 

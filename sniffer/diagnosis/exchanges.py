@@ -116,9 +116,6 @@ class Exchanges:
         self._byte_ns = 0
         self.slower_ns = 0
         """How much longer a byte may take than at the rate by which the bus is timed."""
-        self.unsure_ns = 0
-        """How unsure stamps are at best, whatever the rate: by what the host held, and by digits
-        that a log does not have."""
         self.kinds = RequestKinds()
         self.moments = RequestMoments()
         self.count = 0
@@ -157,7 +154,16 @@ class Exchanges:
         self._run: Run | None = None
         self._open = Held.empty()
         self._seen = 0
+        self._unsure_ns = NEVER_NS
         self._followers = Buckets(_FOLLOWS)
+
+    @property
+    def unsure_ns(self) -> int:
+        """How unsure stamps are at best, whatever the rate.
+
+        By what the host held, and by digits that a log does not have.
+        """
+        return 0 if self._unsure_ns == NEVER_NS else self._unsure_ns
 
     def add(self, batch: Batch, byte_ns: int) -> None:
         """Take the requests of a batch, and what became of requests, at a rate of the line."""
@@ -260,7 +266,7 @@ class Exchanges:
         self.turns.add(r.kind[rows], turn, turn)
         if len(rows):
             unsure = r.unsure(rows) - self.slower_ns * r.lengths(rows)
-            self.unsure_ns = min(int(unsure.min()), self.unsure_ns or NEVER_NS)
+            self._unsure_ns = min(int(unsure.min()), self._unsure_ns)
         span = r.answer_end[rows] - r.t_end[rows]
         self.spans.add(r.kind[rows], span, span)
 

@@ -57,6 +57,11 @@ FINE_OCTAVE: Final = 64
 HEAD: Final = 1 << 15
 """Bytes kept from the beginning, and of what no frame claims: enough to look for another rate."""
 
+ASKED: Final = 4096
+"""Kinds of requests at most whose periods are followed, the first ones: a scan asks thousands."""
+
+_REFUSED: Final = -2
+
 NOT_KNOWN: Final = 1 << 62
 """Stands for no duration among minima."""
 
@@ -266,14 +271,21 @@ class Ledger:
         order, first = in_groups(key)
         last = np.append(first[1:], len(order)) - 1
         key, t = key[order], t_start[order]
-        begun = np.array([self._asked_at.get(k, -1) for k in key[first].tolist()], np.int64)
+        keys = key[first].tolist()
+        for k in np.argsort(order[first]).tolist():  # in the order of time, whatever the cut
+            if len(self._asked_at) < ASKED:
+                self._asked_at.setdefault(keys[k], -1)
+        begun = np.array([self._asked_at.get(k, _REFUSED) for k in keys], np.int64)
         earlier = np.concatenate([[0], t[:-1]])
         earlier[first] = begun
-        known = earlier >= 0
+        known = (earlier >= 0) & np.repeat(begun != _REFUSED, np.diff(first, append=len(order)))
         period = np.maximum(t - earlier, 0)[known]
         self.periods.add(key[known], period, period)
-        if len(self._asked_at) < 4096:
-            self._asked_at.update(zip(key[last].tolist(), t[last].tolist(), strict=True))
+        self._asked_at.update(
+            (k, at)
+            for k, at, since in zip(keys, t[last].tolist(), begun.tolist(), strict=True)
+            if since != _REFUSED
+        )
 
     def _values(self, batch: Batch) -> None:
         v = batch.values

@@ -198,7 +198,7 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
     for w in weigh(left, all_found):
         shares = any(f in best.explained for f in w.explained)
         same = w.servo_id in (None, best.servo_id) or best.servo_id is None
-        if shares and same and w.cause.slug != best.cause.slug:
+        if shares and same and w.cause.slug != best.cause.slug and _is_of_something(w):
             if all(f is not key for f in w.explained):
                 w = _on(w, best.explained)
             known = next((r for r in rivals if r.cause.slug == w.cause.slug), None)

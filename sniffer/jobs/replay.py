@@ -52,12 +52,11 @@ NAP_S: Final = 0.25
 
 def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chunk]]:
     """Return the first chunks, ``size`` bytes or a little more, and all of them again."""
-    rest, head, damage = iter(chunks), list[Chunk](), None
+    rest, head, damage, have = iter(chunks), list[Chunk](), None, 0
     try:
-        while sum(len(chunk.data) for chunk in head) < size:
-            head.append(next(rest))
-    except StopIteration:
-        pass
+        while have < size and (chunk := next(rest, None)) is not None:
+            head.append(chunk)
+            have += len(chunk.data)
     except DamagedInputError as error:  # it comes again, behind what could be read
         damage = error
 

@@ -24,6 +24,16 @@ MARGIN_NS: Final = 3_000_000_000
 """The ring is longer than was asked for by this: what happened is known only after a while (bytes
 wait to be decoded), and the time before it is to be there in full."""
 
+MEMORY: Final = 64 << 20
+"""What a ring may take in any case. A slow bus says a few bytes a round: they take twenty times as
+much memory as there are."""
+
+BLOCK_COST: Final = 500
+"""What a block takes beside its chunks, in bytes: the sizes of its objects added up."""
+
+CHUNK_COST: Final = 17
+"""What a chunk takes beside its bytes: a time, a size, a direction."""
+
 
 @dataclass(frozen=True, slots=True)
 class RingBlock:
@@ -57,6 +67,11 @@ class RingBlock:
         """Offset behind the last byte."""
         return self.start + len(self.data)
 
+    @property
+    def cost(self) -> int:
+        """Bytes of memory that it takes, about: many small blocks are more than their bytes."""
+        return len(self.data) + len(self.times) * CHUNK_COST + BLOCK_COST
+
     def placed(self) -> list[Placed]:
         """Return the chunks again, each with its offset."""
         out: list[Placed] = []
@@ -85,7 +100,7 @@ class Ring:
     Args:
         span_ns: how much of the past is kept.
         most: bytes that are kept, of all buses together; older ones go sooner than ``span_ns``
-            where there are more.
+            where there are more, or where they take more memory than that and ``MEMORY``.
     """
 
     def __init__(self, span_ns: int, most: int) -> None:
@@ -94,7 +109,7 @@ class Ring:
         """Bytes that are here."""
         self.is_short = False
         """Whether bytes had to go before their time."""
-        self._most = most
+        self._most, self._cost = most, 0
         self._buses: dict[str, _RingBus] = {}
 
     def add(self, bus: str, chunks: Sequence[Chunk]) -> RingBlock:
@@ -104,6 +119,7 @@ class Ring:
         held.blocks.append(block)
         held.end = block.end
         self.size += len(block.data)
+        self._cost += block.cost
         return block
 
     def decided(self, places: Mapping[str, int]) -> None:
@@ -118,7 +134,7 @@ class Ring:
         for held in self._buses.values():
             while held.blocks and held.blocks[0].times[-1] < now_ns - self.span_ns - MARGIN_NS:
                 self._drop(held)
-        while self.size > self._most:
+        while self.size > self._most or self._cost > max(self._most, MEMORY):
             older = [h for h in self._buses.values() if len(h.blocks) > 1]
             if not older:
                 break
@@ -161,4 +177,6 @@ class Ring:
         return sorted(every, key=lambda block: block.times[0])
 
     def _drop(self, held: _RingBus) -> None:
-        self.size -= len(held.blocks.popleft().data)
+        block = held.blocks.popleft()
+        self.size -= len(block.data)
+        self._cost -= block.cost

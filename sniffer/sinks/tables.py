@@ -75,7 +75,7 @@ FRAMES = pa.schema(
         always("kind", NAME),
         pa.field("servo_id", pa.int16()),
         always("op", NAME),
-        pa.field("address", pa.int16()),
+        pa.field("address", pa.int32()),
         always("data_length", pa.int32()),
         pa.field("status", pa.int16()),
         always("flags", pa.uint8()),

@@ -183,7 +183,9 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         moved = joint.position.high[after].max(initial=-np.inf) - joint.position.low[after].min(
             initial=np.inf
         )
-        if writes > SWITCHED * len(runs) or mine[0].default != 0 or moved < 2 * joint.far:
+        if not mine or mine[0].default != 0:
+            continue
+        if writes > SWITCHED * len(runs) or moved < 2 * joint.far:
             continue
         if any(a.last_ns > back for a in joint.away):
             continue

@@ -97,30 +97,43 @@ def _told(register: Register, raw: int) -> str:
     )
 
 
+def _beyond_range(case: Case) -> Iterator[tuple[int, Register, int]]:
+    """Find rows of ``writes`` that exceed their registers' range: each with its worst number."""
+    w = case.writes
+    for i, number in enumerate(w["register"].tolist()):
+        register = case.protocol.registers[number]
+        if register.range is not None:
+            low, high = int(w["low"][i]), int(w["high"][i])
+            if high > register.range[1]:
+                yield i, register, high
+            elif low < register.range[0]:
+                yield i, register, low
+
+
 def goal_range(case: Case) -> Iterator[Finding]:
     """Goals outside what the manual allows."""
     w = case.writes
-    for i in range(len(w["register"])):
-        register, servo = case.protocol.registers[int(w["register"][i])], int(w["servo_id"][i])
+    beyond = list(_beyond_range(case))
+    for i, register, worst in beyond:
         if register.role != COMMANDED or register.quantity != "goal_position":
             continue
-        if register.range is None:
-            continue
-        low, high = int(w["low"][i]), int(w["high"][i])
-        if register.range[0] <= low and high <= register.range[1]:
-            continue
-        worst = high if high > register.range[1] else low
+        assert register.range is not None
+        servo = int(w["servo_id"][i])
         events = case.anomalies("value-out-of-range", servo_id=servo)
         count = case.count("value-out-of-range", servo_id=servo)
         if may_be_torn(case, count):
             continue
+        # an anomaly does not say of which register it is
+        is_alone = all(r is register or w["servo_id"][k] != servo for k, r, _ in beyond)
+        count = max(count, 1) if is_alone else 1
+        goals = f"{count} goals" if is_alone else "goals"
         yield Finding(
             "goal-beyond-range",
             single(case, servo),
             int(events.t_ns[0]) if len(events) else int(w["t_first"][i]),
             int(events.t_ns[-1]) if len(events) else int(w["t_last"][i]),
-            max(count, 1),
-            f"{max(count, 1)} goals of servo {servo} are out of range: {_told(register, worst)}, and "
+            count,
+            f"{goals} of servo {servo} are out of range: {_told(register, worst)}, and "
             f"the manual of {register.model} has {_told(register, register.range[0])} to "
             f"{_told(register, register.range[1])}",
             case.places(events, "a goal out of range"),

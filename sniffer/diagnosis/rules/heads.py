@@ -78,7 +78,8 @@ def head_wrong(case: Case) -> Iterator[Finding]:
     pieces = [p for d in places for p in _pieces(d, header[0][:shared])]
     if len(pieces) < LEAST:
         return
-    some = pieces[:: -(-len(pieces) // TRIED)]
+    tried = min(len(pieces), TRIED)
+    some = [pieces[k * len(pieces) // tried] for k in range(tried)]
     wrong = _wrong(case.protocol, some, shared)
     ((byte, n),) = Counter(w.byte for found in wrong for w in found).most_common(1) or ((-1, 0),)
     if n < max(MOSTLY * len(some), LEAST):
