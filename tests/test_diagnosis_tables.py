@@ -9,6 +9,7 @@ import pytest
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnosis.rules.symptoms import SILENT
 from sniffer.diagnosis.weights import LINES, WEIGHTS
 
 
@@ -16,6 +17,7 @@ from sniffer.diagnosis.weights import LINES, WEIGHTS
 def test_every_weight_names_a_finding_that_there_is(slug: str) -> None:
     for weight in WEIGHTS[slug].values():
         assert weight.finding in FINDINGS or weight.finding in CATALOGUE, weight
+        assert weight.finding not in SILENT, weight
 
 
 @pytest.mark.parametrize("slug", CAUSES)

@@ -14,7 +14,7 @@ from sniffer.anomalies.rules import anomaly
 from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import NS, Anomaly, Chunk
-from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
+from sniffer.mcapfile.levels import LEVELS, SEVERITIES, named
 from sniffer.mcapfile.rare import anomaly_messages, gap_messages, log_messages
 from sniffer.mcapfile.varints import key
 from sniffer.messages import log_pb2, recording_pb2
@@ -50,10 +50,11 @@ def test_an_anomaly_is_the_message_that_protobuf_makes_and_a_line_with_names(
             detail=a.detail,
             evidence=spans,
         )
+        who = named(-1 if a.servo_id is None else a.servo_id, a.detail)
         assert log_pb2.Log.FromString(line) == log_pb2.Log(
             timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
             level=LEVELS[a.severity],
-            message=f"{names.sentence('arm', f'{whose(a)}{a.detail}')} [{a.code}]",
+            message=f"{names.sentence('arm', f'{who}{a.detail}')} [{a.code}]",
             name="arm",
         )
 

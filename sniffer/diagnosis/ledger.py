@@ -19,6 +19,7 @@ from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happen
 from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
+from sniffer.diagnosis.keys import pair_key, request_key
 from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.lowest import Lowest
 from sniffer.diagnosis.optional import OptionalAnswers
@@ -48,7 +49,7 @@ from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
-    from sniffer.ground.model import I64, Batch, Frames
+    from sniffer.ground.model import Batch, Frames
     from sniffer.protocols.base import BusProtocol
 
 FINE_OCTAVE: Final = 64
@@ -134,7 +135,7 @@ class Ledger:
         """Take what one pass decided."""
         self.clock = batch.clock
         self.bytes += len(batch.data)
-        if batch.base + len(batch.data) <= HEAD or batch.base < HEAD:
+        if batch.base < HEAD:
             self.head = (self.head + batch.data)[:HEAD]
         self.models.update(batch.models)
         self._remarks(batch)
@@ -388,14 +389,3 @@ class Ledger:
     def happenings(self) -> Happenings:
         """Return the events that are kept."""
         return self.events.rows()
-
-
-def pair_key(servo_id: I64, op: I64) -> I64:
-    """Return one number for a servo and a command."""
-    return (servo_id + 1) << 32 | op & 0xFFFFFFFF
-
-
-def request_key(servo_id: I64, op: I64, address: I64) -> I64:
-    """Return one number for requests that are alike: a servo, a command and an address."""
-    key: I64 = pair_key(servo_id, op) * 4096 + np.maximum(address, 0) % 4096
-    return key

@@ -49,15 +49,14 @@ anything else."""
 class Flip(NamedTuple):
     """One bit that was read wrong: of which byte, which (0 is sent first), and as what.
 
-    ``lags``: it was read as the bit before it on the line; ``leads``: as the one behind it. Where
-    several bytes may be meant, ``byte`` is -1, and neither of the two is told.
+    ``lags``: it was read as the bit before it on the line. Where several bytes may be meant,
+    ``byte`` is -1, and that is not told.
     """
 
     byte: int
     bit: int
     up: bool
     lags: bool
-    leads: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +264,7 @@ def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misrea
         ways = {(f.bit, f.up) for f in flips}
         if len(ways) == 1:
             bit, up = ways.pop()
-            flip = Flip(-1, bit, up, lags=False, leads=False)
+            flip = Flip(-1, bit, up, lags=False)
             return Misread(d, BITS_FEW, (flip,), b"", which)
         return Misread(d, BITS_FEW, (), b"", which)
     return _compared(d, same) or Misread(d, _shape(d, alike), (), b"")
@@ -359,5 +358,4 @@ def _turned(meant: bytes, at: int, bit: int) -> Flip:
     value = meant[at]
     was = value >> bit & 1
     before = value >> (bit - 1) & 1 if bit else 0  # the start bit is low
-    behind = value >> (bit + 1) & 1 if bit < BITS - 1 else 1  # the stop bit is high
-    return Flip(at, bit, up=not was, lags=before != was, leads=behind != was)
+    return Flip(at, bit, up=not was, lags=before != was)

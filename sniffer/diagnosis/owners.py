@@ -103,7 +103,6 @@ class Owner(NamedTuple):
     traces: tuple[TornPlace, ...]
     first_ns: int
     last_ns: int
-    is_by_end: bool
     score: float
     lead: float
     tried: int
@@ -257,7 +256,6 @@ def _steadiest(servo: int, traces: Sequence[TornPlace], grid: int, *, is_by_end:
         tuple(traces[k] for k in mine),
         min((span.first_ns for span in spans), default=0),
         max((span.last_ns for span in spans), default=0),
-        is_by_end,
         sum(span.score for span in spans),
         0.0,
         len(traces),

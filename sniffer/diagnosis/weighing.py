@@ -82,12 +82,12 @@ def explain(findings: Sequence[Finding]) -> list[Explained]:
         if best is None:
             break
         out.append(_explained(best, left, findings))
-        taken = set(map(id, best.explained)) - _of_another(best, left, findings)
+        taken = set(map(id, best.explained)) - _of_another(best, left)
         left = [f for f in left if id(f) not in taken]
     return _joined(out)
 
 
-def _of_another(best: Weighed, left: Sequence[Finding], all_found: Sequence[Finding]) -> set[int]:
+def _of_another(best: Weighed, left: Sequence[Finding]) -> set[int]:
     """Return findings that a cause has as side effects, and that prove the fault of one servo.
 
     What befalls the line, the controller or the tap does not choose a servo: where one is hit far

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
     from sniffer.inside.pages import Page
 
-ABSOLUTE, DELTA, SINCE_MARK = range(3)
 TIMES: Final = ("time", "delta", "since mark")
 """How the time of a line is told: of the day, since the line above it, since the last mark."""
+
+DELTA: Final = TIMES.index("delta")
 
 
 @dataclass(frozen=True, slots=True)

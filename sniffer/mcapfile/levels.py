@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import functools
 import re
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sniffer.ground.model import Severity
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly
-
-if TYPE_CHECKING:
-    from sniffer.ground.model import Anomaly as Found
 
 LEVELS: Final = {
     Severity.NOTE: Log.Level.INFO,
@@ -25,13 +22,8 @@ SEVERITIES: Final = {
 }
 
 
-def whose(anomaly: Found) -> str:
-    """Return the servo, unless the detail begins with it or names it."""
-    return named(-1 if anomaly.servo_id is None else anomaly.servo_id, anomaly.detail)
-
-
 def named(servo_id: int, detail: str) -> str:
-    """Return the same of columns: -1 is nobody."""
+    """Return the servo (-1: nobody), unless an anomaly's detail begins with it or names it."""
     if servo_id < 0:
         return ""
     who = f"servo {servo_id}"

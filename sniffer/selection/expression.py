@@ -52,8 +52,6 @@ _RESERVED: Final = frozenset(
 ) | {"or", "order", "select", "true", "where"}
 """Words that SQL keeps for itself; a column of such a name stands in double quotes."""
 
-_JOINS: Final = ("and", "or")
-
 _SAME: Final = {"==": "=", "!=": "<>"}
 _OPPOSITE: Final = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _TURNED: Final = {"=": "=", "<>": "<>", "<": ">", ">": "<", "<=": ">=", ">=": "<="}

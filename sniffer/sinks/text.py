@@ -69,8 +69,6 @@ _STYLES: Final = {
 
 
 ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
-
-TIMES: Final = (ABSOLUTE, RELATIVE, DELTA)
 """What the time of a line counts from: the clock's own zero, the first line, the line before."""
 
 
@@ -88,7 +86,7 @@ class _Laid(NamedTuple):
 class TextSink:
     """Writes to a stream, as wide as its terminal; elsewhere nothing is cut.
 
-    ``color`` None asks the stream whether it is a terminal; ``times`` is one of ``TIMES``;
+    ``color`` None asks the stream whether it is a terminal; ``times`` is ``ABSOLUTE`` or another;
     ``waits`` is how long a line waits for those that other buses may have before it; ``buses``
     are those of which something will come, as far as that is known.
     """

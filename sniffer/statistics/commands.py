@@ -11,7 +11,7 @@ import numpy as np
 from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import Buckets
-from sniffer.diagnosis.ledger import pair_key
+from sniffer.diagnosis.keys import pair_key, pair_of
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO
@@ -192,7 +192,7 @@ class CommandBook:
         periods, loops = self._cycles.all_periods(), self._cycles.loops()
         out = []
         for i, pair in enumerate(key.tolist()):
-            servo, op = (pair >> 32) - 1, _signed(pair & 0xFFFFFFFF)
+            servo, op = pair_of(pair)
             out.append(
                 CommandFigures(
                     servo,
@@ -205,8 +205,3 @@ class CommandBook:
                 )
             )
         return out
-
-
-def _signed(op: int) -> int:
-    """Return the command of a key: 32 bits of a number that may be below 0."""
-    return op - (1 << 32) if op >> 31 else op

@@ -36,11 +36,6 @@ RESOLUTION: Final = 4
 """A band is no narrower than so many counts of the position, a travel no shorter than two bands:
 what is less cannot be told from noise."""
 
-FATES: Final = ("settled", "overtaken", "unseen", "let_go", "under_way")
-"""What may become of a step. Overtaken: the next goal came before it settled. Unseen: ... before
-any position was stated. Let go: a command ended it. Under way: the capture ended."""
-
-
 HELD_NS: Final = LONGEST_NS
 """A goal that holds so long is one to be reached; of a trajectory nobody expects it of each."""
 
@@ -76,6 +71,8 @@ class StepFigures:
     """
 
     fates: Counter[str] = field(default_factory=Counter)
+    """What became of the steps: ``settled``; ``overtaken`` by the next goal before; ``unseen``, no
+    position was stated before the next goal; ``let_go`` by a command; ``under_way`` at the end."""
     settle: Quantiles = field(default_factory=Quantiles)
     overshoot: Quantiles = field(default_factory=Quantiles)
     worst: Extreme | None = None

@@ -111,7 +111,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
     symptoms.symptoms,
 )
-"""In no particular order: none knows of another."""
+"""In no particular order: none asks what another one found."""
 
 FINDINGS: Final[Mapping[str, FindingCode]] = MappingProxyType(
     {entry.code: entry for area in _AREAS for entry in area.FINDINGS}

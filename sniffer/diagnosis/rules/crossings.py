@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
-from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.heard import heard, is_mostly_heard
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.overlaid import of_two
@@ -120,7 +120,7 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     torn = [
         d
         for d in case.damages
-        if d.turn in (IN_REQUEST, IN_REPLY) and d.turn != HELD and d.length <= len(d.got)
+        if d.turn in (IN_REQUEST, IN_REPLY) and d.length <= len(d.got)
         if not of_twins(case, d)
     ]
     known = case.ledger.exchanges.kinds.requests

@@ -87,7 +87,9 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
         goals = case.series(servo, "goal_position")
         if goals is None:
             continue
-        jumps, usual, returns = (_timed if case.has_clock else _ordered)(case, servo, goals)
+        jumps, usual, returns = (
+            _timed(case, goals) if case.has_clock else _ordered(case, servo, goals)
+        )
         if not jumps:
             continue
         if may_be_torn(case, len(jumps)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
@@ -107,9 +109,8 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
         )
 
 
-def _timed(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:
+def _timed(case: Case, goals: Series) -> tuple[list[_Jump], float, bool]:
     """Return the jumps by the clock, the greatest other step near them, and whether they come back."""
-    del servo
     if len(goals) < BUCKETS:
         return [], 0.0, False
     rows, usual = _jumps(case, goals)

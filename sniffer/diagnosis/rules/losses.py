@@ -11,6 +11,7 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.breaking import are_beginnings
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import REQUEST, RESPONSE
@@ -292,17 +293,8 @@ def _took(case: Case, order: Order, pairs: dict[str, I64], row: int) -> bool:
 
 
 def _told(code: str, found: Sequence[Damage], what: str, each: str) -> Finding:
-    return Finding(
-        code,
-        None,
-        found[0].t_ns,
-        found[-1].t_ns,
-        len(found),
-        what,
-        tuple(Place(d.at, d.length, d.t_ns, each) for d in found[:3]),
-        strength=min(0.5 + len(found) / 10, 1.0),
-        brief=what,
-    )
+    strength = min(0.5 + len(found) / 10, 1.0)
+    return finding_of(found, code, None, what, each, strength=strength, brief=what)
 
 
 def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.ledger import request_key
+from sniffer.diagnosis.keys import request_key, requested_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.streams import TIMERS, do_meet, least_together
 from sniffer.diagnosis.stamps import EXACT_NS
@@ -255,7 +255,7 @@ def _rhythms(case: Case) -> list[_Rhythm]:
         out.append(
             _Rhythm(
                 key,
-                (key >> 44) - 1,
+                requested_of(key),
                 float(edges[top]),
                 int(wide[top]) / count,
                 sooner / count,

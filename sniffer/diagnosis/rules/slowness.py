@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.keys import pair_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.protocols.base import reply_delay_ns
 
@@ -124,7 +125,8 @@ def _to_the_beginning(case: Case) -> tuple[Histograms, list[_Times]]:
     took = case.ledger.took
     by_op: dict[int, dict[int, int]] = {}
     for key in took.keys:
-        by_op.setdefault(key & 0xFFFFFFFF, {})[(key >> 32) - 1] = key
+        servo, op = pair_of(key)
+        by_op.setdefault(op, {})[servo] = key
     return took, [_Times(op, rows, 0) for op, rows in by_op.items()]
 
 
@@ -195,7 +197,7 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
             continue
         told = case.settings(servo_id=servo).take(np.array([row for row, _ in delays]))
         delay_ns = max(delay for _, delay in delays)
-        keys = [k for k in took.keys if (k >> 32) - 1 == servo]
+        keys = [k for k in took.keys if pair_of(k)[0] == servo]
         key = max(keys, key=took.count, default=None)
         usual = None if key is None else took.at(key, 0.5)
         if key is None or usual is None or took.count(key) < LEAST:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.diagnosis.buckets import SERVOS
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.complaints import COMPLAINTS
@@ -39,10 +40,10 @@ def symptoms(case: Case) -> Iterator[Finding]:
     """Return what the decoder reported, by code and servo."""
     alarms = case.alarms
     of_whom = {s: servo for servo, twin in twins(case).items() for s in twin.before}
-    key = alarms["code"] * 512 + alarms["servo_id"] + 1
+    key = alarms["code"] * SERVOS + alarms["servo_id"] + 1
     for one in np.unique(key).tolist():
         rows = np.flatnonzero(key == one)
-        code, servo = case.code(one // 512), one % 512 - 1
+        code, servo = case.code(one // SERVOS), one % SERVOS - 1
         if code in SILENT or code in COMPLAINTS:
             continue
         count = int(alarms["n"][rows].sum())

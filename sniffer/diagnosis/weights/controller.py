@@ -198,7 +198,6 @@ WEIGHTS: Final = (
         ("device-recovered", 0.1, "the complaint ends with the next goal"),
         ("device-packet-not-processable", 0.3, "the servo refuses such a goal"),
         ("device-nack", 0.3, "the servo refuses such a goal"),
-        ("model-evidence", -0.3, "it may be another model, with another range"),
     ),
     *for_(
         "position-jump",
