@@ -104,8 +104,9 @@ class JointTrack:
         """When its goal was ended without another: motor off, a restart, another way to move."""
         case, who = self._case, self.servo_id
         told = [case.order_times(who, LETS_GO, RESTARTS, TURNS_ELSEWHERE)]
-        off = case.settings("torque_enable", servo_id=who)
-        told.append(off.t_ns[(off.written == 1) & (off.after != 1)])
+        for one in (who, *case.everyone):
+            off = case.settings("torque_enable", servo_id=one)
+            told.append(off.t_ns[(off.written == 1) & (off.after != 1)])
         told += [s.t for s in case.every(who, "goal_position") if not _alike(s, self.goal)]
         return np.sort(np.concatenate(told))
 

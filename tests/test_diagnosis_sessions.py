@@ -1,0 +1,56 @@
+"""Sessions with phases: what is switched off on purpose, waits or is moved by hand is no fault."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.conversations import Conversation, swinging
+from tests.diagnosed import verdicts
+from tests.streams import mightyzap, rs30x
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
+
+TEACHES_S = 8
+
+
+def taught(protocol: str, *, left_off: tuple[int, ...] = ()) -> Diagnosis:
+    """Move two joints, let all go at once, move them by hand, switch each on again; all that twice."""
+    talk = Conversation(protocol)
+
+    def torque(servo: int, on: int) -> bytes:
+        if protocol == "mightyzap":
+            return mightyzap.packet(servo or 254, 0xF3, bytes((0x80, on)))
+        return rs30x.write(servo or 255, 0x24, bytes((on,)))
+
+    for session in range(2):
+        begin = talk.now_s
+        for servo in (1, 2):
+            if not session or servo not in left_off:
+                talk.write(torque(servo, 1))
+        hung = {servo: swinging(servo, 0) for servo in left_off if session}
+        for cycle in range(20 * TEACHES_S):
+            talk.until(begin + cycle / 20)
+            for servo in (1, 2):
+                talk.send(servo, swinging(servo, talk.now_s - begin))
+                talk.read(servo, hung.get(servo, swinging(servo, talk.now_s - begin)))
+        talk.write(torque(0, 0))
+        for cycle in range(20 * TEACHES_S):
+            talk.until(begin + TEACHES_S + cycle / 20)
+            for servo in (1, 2):
+                held = 0.1 + min(0.1, 0.02 * (talk.now_s - begin - TEACHES_S))
+                talk.read(servo, hung.get(servo, held))
+    return talk.diagnosed()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_joints_that_all_are_let_go_at_once_and_moved_by_hand_miss_no_goal(protocol: str) -> None:
+    """The second time, too: each was switched on by itself, and is off again with all others."""
+    assert not taught(protocol).incidents()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_the_joint_that_is_not_switched_on_again_behind_it_is_named(protocol: str) -> None:
+    assert verdicts(taught(protocol, left_off=(2,)).incidents()) == [("torque-off", (2,))]
