@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import Conversation, swinging
-from tests.diagnosed import verdicts
+from tests.conversations import Conversation, robot, swinging, through_usb
+from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ TEACHES_S = 8
 
 
 def taught(protocol: str, *, left_off: tuple[int, ...] = ()) -> Diagnosis:
-    """Move two joints, let all go at once, move them by hand, switch each on again; all that twice."""
+    """Move two joints, let all go, move them by hand, switch each on again; all that twice."""
     talk = Conversation(protocol)
 
     def torque(servo: int, on: int) -> bytes:
@@ -54,3 +54,41 @@ def test_joints_that_all_are_let_go_at_once_and_moved_by_hand_miss_no_goal(proto
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 def test_the_joint_that_is_not_switched_on_again_behind_it_is_named(protocol: str) -> None:
     assert verdicts(taught(protocol, left_off=(2,)).incidents()) == [("torque-off", (2,))]
+
+
+@pytest.mark.parametrize(("protocol", "tap"), [("lss", "exact"), ("wck", "16 ms")])
+def test_who_homes_one_joint_after_the_other_and_rests_behind_each_stops_no_loop(
+    protocol: str, tap: str
+) -> None:
+    """Nor does who looks once a second at many, and takes longer for that than a cycle has."""
+    servos = (1, 2, 3, 5, 6, 7)
+    talk = Conversation(protocol)
+    for servo in servos:
+        for step in range(20):
+            talk.send(servo, 0.5 + step / 100)
+            talk.read(servo, 0.5 + step / 100)
+            talk.rest(30)
+        talk.send(servo, 0.6)
+        talk.rest(300)
+        talk.read(servo, 0.6)
+    for rate, seconds in ((20, 7), (1, 7), (20, 7)):
+        begin = talk.now_s
+        for cycle in range(rate * seconds):
+            talk.until(begin + cycle / rate)
+            for servo in servos:
+                if rate > 1:
+                    talk.send(servo, swinging(servo, talk.now_s))
+                talk.read(servo, swinging(servo, talk.now_s))
+                talk.rest(2 if rate > 1 else 15)
+    heard = through_usb(talk.chunks) if tap == "16 ms" else None
+    assert "loop-stalls" not in codes(talk.diagnosed(heard))
+
+
+def test_a_loop_that_stops_here_and_there_stands_still_though_each_time_as_long() -> None:
+    def stops(talk: Conversation, cycle: int, servo: int) -> bool:
+        if (cycle, servo) in {(60, 2), (150, 1), (220, 3), (300, 3)}:
+            talk.rest(300)
+        return False
+
+    told = robot("mightyzap", 12, instead=stops).diagnosed()
+    assert verdicts(told.incidents()) == [("controller-stall", ())]

@@ -62,6 +62,12 @@ had to do, or begins something else. What stops a loop takes no heed of where th
 TWICE: Final = 2
 """A place in a program is one where it rests so many times."""
 
+TURNS: Final = 3
+"""So many rests before as many servos, one behind the other in their order, are each one's turn."""
+
+ALIKE: Final = 0.1
+"""Part by which rests of one sleep may differ; a busy host is as late as that."""
+
 
 def lumps(bins: I64) -> float:
     """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
@@ -211,4 +217,31 @@ def steps(case: Case, rests: Sequence[Pause]) -> set[int]:
             times = np.bincount(held, minlength=len(code))
             its = (times >= TWICE) & (times >= ITS_STEP * total)
             found.update(at for (_, at), k in zip(told, held, strict=True) if its[k])
+    return found
+
+
+def turns(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, a program has before each servo in turn.
+
+    Who homes its joints does the same with one after the other, and sleeps as long each time. What
+    stops a loop three times alike finds three servos in their order once in many times.
+    """
+    found: set[int] = set()
+    place = {servo: nth for nth, servo in enumerate(case.answering)}
+    kinds, alike_ns = case.ledger.exchanges.kinds, 2 * case.latency_ns
+    row: list[Pause] = []
+    for p in sorted(rests, key=lambda p: p.t_ns):
+        nth = place.get(kinds.servo_id[p.next_kind]) if p.next_kind >= 0 else None
+        if nth is not None and row:
+            last = row[-1]
+            goes_on = nth == place[kinds.servo_id[last.next_kind]] + 1
+            goes_on &= abs(p.sure_ns - last.sure_ns) <= ALIKE * p.sure_ns + alike_ns
+            if len(row) > 1:
+                took, before = p.t_ns - last.t_ns, last.t_ns - row[-2].t_ns
+                goes_on &= max(took, before) <= 2 * min(took, before)
+            if not goes_on:
+                row = []
+        row = [*row, p] if nth is not None else []
+        if len(row) >= TURNS:
+            found.update(one.at for one in row)
     return found

@@ -106,7 +106,8 @@ class Settings:
         for key in self._known:
             if key // self._count - 1 not in self._everyone:
                 holders.setdefault(key % self._count, {})[key // self._count - 1] = None
-        rows, ids = [], []
+        rows: list[int] = []
+        ids: list[int] = []
         for row in np.flatnonzero(np.isin(register, register[to_all])).tolist():
             who = holders.setdefault(int(register[row]), {})
             if to_all[row]:

@@ -20,6 +20,7 @@ from sniffer.diagnosis.cycles import (
     is_kept_waiting,
     is_steady_for_a_while,
     steps,
+    turns,
     whole_cycles,
 )
 from sniffer.diagnosis.model import Finding, Place
@@ -44,7 +45,8 @@ FINDINGS: Final = (
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
         "not alike and three tenths of the time, nor behind a request that mostly has such a pause behind "
-        "it, nor where the two requests before, around or behind it mostly have one: the program's steps.",
+        "it, nor where the two requests before, around or behind it mostly have one: the program's steps; "
+        "nor before one servo after the other, alike in length and in time, as who homes them one by one rests.",
     ),
     FindingCode(
         "loop-jitters",
@@ -223,7 +225,8 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     rests = case.ledger.exchanges.pauses
-    planned = steps(case, [p for p in rests if p.sure_ns >= LONGER * usual])
+    longer = [p for p in rests if p.sure_ns >= LONGER * usual]
+    planned = steps(case, longer) | turns(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
@@ -283,7 +286,8 @@ def _without_slower_loops(stalls: list[Pause], usual: float) -> list[Pause]:
     rows: list[list[Pause]] = []
     for p in stalls:
         last = rows[-1][-1] if rows else None
-        spare = max(usual, STALL_NS)
+        # what a slower loop says takes less than half of its rest, however many servos it asks
+        spare = max(usual, STALL_NS, 0 if last is None else last.sure_ns // 2)
         if (
             last is not None
             and p.t_ns - last.t_ns - last.sure_ns <= spare
