@@ -92,3 +92,36 @@ def test_a_loop_that_stops_here_and_there_stands_still_though_each_time_as_long(
 
     told = robot("mightyzap", 12, instead=stops).diagnosed()
     assert verdicts(told.incidents()) == [("controller-stall", ())]
+
+
+@pytest.mark.parametrize("protocol", ["lss", "wck"])
+@pytest.mark.parametrize(("away_s", "told"), [(20, "servo-dead"), (0.6, "brownout")])
+def test_a_servo_that_comes_back_only_when_it_is_switched_off_and_on_had_stopped_answering(
+    protocol: str, away_s: float, told: str
+) -> None:
+    """A supply that sags, and a servo that starts anew, are back in seconds."""
+
+    def hangs(talk: Conversation, cycle: int, servo: int) -> bool:
+        is_away = servo == 2 and 5 <= cycle / 5 < 5 + away_s
+        if is_away:
+            talk.ask_in_vain(servo, 30)
+        return is_away
+
+    talk = robot(protocol, 32, rate_hz=5, instead=hangs, goals=False)
+    assert verdicts(talk.diagnosed().incidents()) == [(told, (2,))]
+
+
+def test_an_id_that_is_taken_with_the_next_start_only_was_changed_all_the_same() -> None:
+    """A servo of LSS answers by its old id until then."""
+
+    def given(talk: Conversation, cycle: int) -> None:
+        if cycle == 20:
+            talk.write(b"#2CID9\r")
+
+    def restarted(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 2 and cycle >= 60:
+            talk.ask_in_vain(servo)
+        return servo == 2 and cycle >= 60
+
+    told = robot("lss", 12, rate_hz=10, before=given, instead=restarted).diagnosed()
+    assert verdicts(told.incidents()) == [("id-changed", (2,))]

@@ -68,6 +68,14 @@ TURNS: Final = 3
 ALIKE: Final = 0.1
 """Part by which rests of one sleep may differ; a busy host is as late as that."""
 
+LONGER: Final = 2.0
+STALL_NS: Final = 10 * MS
+"""A stall is so many usual pauses and so much longer: a cycle was missed, and is not only late."""
+
+SLOWER: Final = 4
+"""So many such pauses in a row, with nothing between them but one cycle's requests, are a slower
+loop: a program that looks less often now."""
+
 
 def lumps(bins: I64) -> float:
     """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
@@ -245,3 +253,23 @@ def turns(case: Case, rests: Sequence[Pause]) -> set[int]:
         if len(row) >= TURNS:
             found.update(one.at for one in row)
     return found
+
+
+def without_slower_loops(case: Case, stalls: Sequence[Pause], usual: float) -> list[Pause]:
+    """Leave out pauses (in order) that come in every cycle for a while.
+
+    What is said between them takes no more than a usual pause or, where they are alike, than they
+    do themselves, however many servos are asked.
+    """
+    rows: list[list[Pause]] = []
+    for p in stalls:
+        last = rows[-1][-1] if rows else p
+        longer, shorter = max(p.sure_ns, last.sure_ns), min(p.sure_ns, last.sure_ns)
+        is_alike = longer - shorter <= ALIKE * longer + 2 * case.latency_ns
+        spare = max(usual, STALL_NS, last.sure_ns if is_alike else 0)
+        between = p.t_ns - last.t_ns - last.sure_ns
+        if last is not p and between <= spare and longer <= LONGER * shorter:
+            rows[-1].append(p)
+        else:
+            rows.append([p])
+    return [p for row in rows if len(row) < SLOWER for p in row]
