@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING
 
 import pytest
@@ -125,3 +126,25 @@ def test_an_id_that_is_taken_with_the_next_start_only_was_changed_all_the_same()
 
     told = robot("lss", 12, rate_hz=10, before=given, instead=restarted).diagnosed()
     assert verdicts(told.incidents()) == [("id-changed", (2,))]
+
+
+@pytest.mark.parametrize(("first", "is_twin"), [(b"\x0c", True), (b"\xf0", False)])
+def test_bytes_behind_the_bare_answers_of_one_servo_alone_are_a_second_answer(
+    first: bytes, *, is_twin: bool
+) -> None:
+    """But for those that a pulse before each answer pushes out of it."""
+    rng = random.Random(5)
+
+    def third(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo == 2 and cycle > 80:
+            talk.rest(rng.uniform(0, 2))
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            talk.say(first + talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+            talk.rest(0.4)
+        return servo == 2 and cycle > 80
+
+    told = robot("wck", 10, instead=third, goals=False).diagnosed()
+    causes = {one.cause for one in told.incidents()}
+    assert ("duplicate-id" in causes) == is_twin
+    assert ("turnaround" in causes) != is_twin
