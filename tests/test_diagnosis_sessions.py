@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
-from tests.streams import mightyzap, rs30x
+from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -148,3 +149,27 @@ def test_bytes_behind_the_bare_answers_of_one_servo_alone_are_a_second_answer(
     causes = {one.cause for one in told.incidents()}
     assert ("duplicate-id" in causes) == is_twin
     assert ("turnaround" in causes) != is_twin
+
+
+def test_who_is_sent_back_from_where_it_sank_has_its_time_from_then_on() -> None:
+    """The goal it had before its motor was let go is none of the time between."""
+    talk = Conversation("wck")
+
+    def moves(place: float, at: float) -> None:
+        talk.say(talk.tongue.goal(2, place))
+        talk.rest(0.3)
+        talk.say(talk.tongue.answer(2, at))
+        talk.rest(40)
+
+    for session in range(2):
+        begin = talk.now_s
+        while talk.now_s < begin + 8:
+            place = 0.5 + 0.3 * math.sin(1.7 * (talk.now_s - begin))
+            moves(place, 0.1 if session and talk.now_s == begin else place)
+            talk.rest(500 if talk.now_s < begin + 0.1 else 0)
+        talk.say(wck.command(6 << 5 | 2, 0x10))
+        talk.say(bytes((0x10, 26)))
+        for _ in range(60):
+            talk.rest(100)
+            talk.read(2, 0.1)
+    assert not talk.diagnosed().incidents()
