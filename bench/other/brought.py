@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from bench.other.faults import Replace, Slow, World
+from bench.other.faults import Dead, Replace, Slow, World
 from bench.other.run import Case
 
 if TYPE_CHECKING:
@@ -48,6 +48,19 @@ BROUGHT_SOUND: Final = (
 )
 
 BROUGHT: Final = (
+    *(
+        Case(
+            f"session-hangs-{proto}",
+            proto,
+            "session",
+            (3, 7, 8, 12),
+            "servo-dead",
+            (7,),
+            (Dead((7,), 13.0, 38.0),),
+            seconds=75,
+        )
+        for proto in ("mz", "lss", "wck")
+    ),
     *(
         Case(
             f"wrong-baud-{proto}-{baud}-at-{tap}",

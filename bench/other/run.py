@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from bench.other.controllers import SCRIPTS
 from bench.other.joints import Joint, Supply
 from bench.other.rounds import rounds
+from bench.other.sessions import session
 from bench.other.talk import Lss, Mz, Rs, Wck
 from bench.other.wire import Bus, Fault, uart
 
@@ -51,7 +52,8 @@ class Case:
 
 
 def _script(proto: str, name: str) -> Callable[..., Steps]:
-    return partial(rounds, proto) if name == "rounds" else SCRIPTS[proto][name]
+    of_all = {"rounds": rounds, "session": session}
+    return partial(of_all[name], proto) if name in of_all else SCRIPTS[proto][name]
 
 
 def build(case: Case) -> Bus:

@@ -63,4 +63,9 @@ SOUND: Final = (
     Case("s-rs-acked-usb", "rs", "acked", (1, 2, 3, 10), stamps="usb16"),
     Case("s-rs-acked-hex", "rs", "acked", (1, 2, 3, 10), stamps="hex"),
     Case("s-rs-acked-nobaud", "rs", "acked", (1, 2, 3, 10), said=False),
+    Case("s-session-mz", "mz", "session", (3, 7, 8, 12), seconds=75),
+    Case("s-session-mz-usb", "mz", "session", (1, 2, 3, 4, 5, 6), stamps="usb16", seconds=75),
+    Case("s-session-lss", "lss", "session", (5, 6, 11), seconds=75),
+    Case("s-session-rs", "rs", "session", (1, 2, 3, 10), stamps="ms", seconds=75),
+    Case("s-session-wck-usb", "wck", "session", (0, 1, 4, 9), stamps="usb16", seconds=75),
 )

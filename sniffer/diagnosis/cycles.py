@@ -62,6 +62,20 @@ had to do, or begins something else. What stops a loop takes no heed of where th
 TWICE: Final = 2
 """A place in a program is one where it rests so many times."""
 
+TURNS: Final = 3
+"""So many rests before as many servos, one behind the other in their order, are each one's turn."""
+
+ALIKE: Final = 0.1
+"""Part by which rests of one sleep may differ; a busy host is as late as that."""
+
+LONGER: Final = 2.0
+STALL_NS: Final = 10 * MS
+"""A stall is so many usual pauses and so much longer: a cycle was missed, and is not only late."""
+
+SLOWER: Final = 4
+"""So many such pauses in a row, with nothing between them but one cycle's requests, are a slower
+loop: a program that looks less often now."""
+
 
 def lumps(bins: I64) -> float:
     """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
@@ -212,3 +226,50 @@ def steps(case: Case, rests: Sequence[Pause]) -> set[int]:
             its = (times >= TWICE) & (times >= ITS_STEP * total)
             found.update(at for (_, at), k in zip(told, held, strict=True) if its[k])
     return found
+
+
+def turns(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, a program has before each servo in turn.
+
+    Who homes its joints does the same with one after the other, and sleeps as long each time. What
+    stops a loop three times alike finds three servos in their order once in many times.
+    """
+    found: set[int] = set()
+    place = {servo: nth for nth, servo in enumerate(case.answering)}
+    kinds, alike_ns = case.ledger.exchanges.kinds, 2 * case.latency_ns
+    row: list[Pause] = []
+    for p in sorted(rests, key=lambda p: p.t_ns):
+        nth = place.get(kinds.servo_id[p.next_kind]) if p.next_kind >= 0 else None
+        if nth is not None and row:
+            last = row[-1]
+            goes_on = nth == place[kinds.servo_id[last.next_kind]] + 1
+            goes_on &= abs(p.sure_ns - last.sure_ns) <= ALIKE * p.sure_ns + alike_ns
+            if len(row) > 1:
+                took, before = p.t_ns - last.t_ns, last.t_ns - row[-2].t_ns
+                goes_on &= max(took, before) <= 2 * min(took, before)
+            if not goes_on:
+                row = []
+        row = [*row, p] if nth is not None else []
+        if len(row) >= TURNS:
+            found.update(one.at for one in row)
+    return found
+
+
+def without_slower_loops(case: Case, stalls: Sequence[Pause], usual: float) -> list[Pause]:
+    """Leave out pauses (in order) that come in every cycle for a while.
+
+    What is said between them takes no more than a usual pause or, where they are alike, than they
+    do themselves, however many servos are asked.
+    """
+    rows: list[list[Pause]] = []
+    for p in stalls:
+        last = rows[-1][-1] if rows else p
+        longer, shorter = max(p.sure_ns, last.sure_ns), min(p.sure_ns, last.sure_ns)
+        is_alike = longer - shorter <= ALIKE * longer + 2 * case.latency_ns
+        spare = max(usual, STALL_NS, last.sure_ns if is_alike else 0)
+        between = p.t_ns - last.t_ns - last.sure_ns
+        if last is not p and between <= spare and longer <= LONGER * shorter:
+            rows[-1].append(p)
+        else:
+            rows.append([p])
+    return [p for row in rows if len(row) < SLOWER for p in row]

@@ -51,6 +51,8 @@ class Settings:
         self._count = len(registers)
         self._is_setting = np.array([_is_setting(r) for r in registers], bool)
         self._known: dict[int, int] = {}
+        # 0 may be a servo of its own
+        self._everyone = np.array([who for who in protocol.everyone if who], np.int64)
         self.writes = Buckets(_WRITES)
         """By servo and register: every value that a request states, of whatever register."""
 
@@ -63,7 +65,10 @@ class Settings:
         mine = np.flatnonzero(self._is_setting[v.register] & (v.part == WHOLE) & v.accepted)
         if not len(mine):
             return Happenings.empty()
-        key = (v.servo_id[mine].astype(np.int64) + 1) * self._count + v.register[mine]
+        mine, servo = self._for_each(
+            mine, v.servo_id[mine].astype(np.int64), v.register[mine].astype(np.int64)
+        )
+        key = (servo + 1) * self._count + v.register[mine]
         raw = v.raw[mine]
         order, first = in_groups(key)
         last = np.append(first[1:], len(order)) - 1
@@ -80,7 +85,7 @@ class Settings:
         return Happenings(
             np.full(len(at), SETTING, np.int64),
             v.register[at].astype(np.int64),
-            v.servo_id[at].astype(np.int64),
+            servo[rows],
             v.t_ns[at],
             f.start[row] + batch.base,
             f.length[row],
@@ -88,6 +93,31 @@ class Settings:
             raw[rows],
             asks[at].astype(np.int64),
         )
+
+    def _for_each(self, mine: I64, servo: I64, register: I64) -> tuple[I64, I64]:
+        """Let what all are told stand for each servo whose setting is known, right behind it.
+
+        Else who is switched off with all others, and on by itself, would be on all the time.
+        """
+        to_all = np.isin(servo, self._everyone)
+        if not to_all.any():
+            return mine, servo
+        holders: dict[int, dict[int, None]] = {}
+        for key in self._known:
+            if key // self._count - 1 not in self._everyone:
+                holders.setdefault(key % self._count, {})[key // self._count - 1] = None
+        rows: list[int] = []
+        ids: list[int] = []
+        for row in np.flatnonzero(np.isin(register, register[to_all])).tolist():
+            who = holders.setdefault(int(register[row]), {})
+            if to_all[row]:
+                ids += who
+                rows += [row] * len(who)
+            else:
+                who[int(servo[row])] = None
+        told = np.concatenate([np.arange(len(mine)), np.array(rows, np.int64)])
+        order = np.argsort(told, kind="stable")
+        return mine[told[order]], np.concatenate([servo, np.array(ids, np.int64)])[order]
 
     def _count_writes(self, batch: Batch, asked: I64) -> None:
         if not len(asked):

@@ -104,8 +104,9 @@ class JointTrack:
         """When its goal was ended without another: motor off, a restart, another way to move."""
         case, who = self._case, self.servo_id
         told = [case.order_times(who, LETS_GO, RESTARTS, TURNS_ELSEWHERE)]
-        off = case.settings("torque_enable", servo_id=who)
-        told.append(off.t_ns[(off.written == 1) & (off.after != 1)])
+        for one in (who, *case.everyone):
+            off = case.settings("torque_enable", servo_id=one)
+            told.append(off.t_ns[(off.written == 1) & (off.after != 1)])
         told += [s.t for s in case.every(who, "goal_position") if not _alike(s, self.goal)]
         return np.sort(np.concatenate(told))
 
@@ -185,7 +186,9 @@ class JointTrack:
         ended_at = _latest(self.ends, t)
         since = t - self._window_ns
         out: Mask = (t - told_at <= AGE_NS) & (ended_at <= since) & (ended_at <= told_at)
-        out &= self.goal.t_first[0] <= since
+        # what it was told before its motor was off is no goal of the time until it is told again
+        again = np.minimum(np.searchsorted(self.goal.t, ended_at, "right"), len(self.goal) - 1)
+        out &= np.maximum(self.goal.t_first[again], ended_at) <= since
         silences = self._case.ledger.silences
         late = silences.late(self.servo_id)
         for s in (*silences.runs(self.servo_id), *((late,) if late else ())):

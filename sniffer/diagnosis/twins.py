@@ -127,14 +127,14 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         if earlier is not None and d.at not in belated and _is_foreign(d, begins, requests):
             earlier.foreign.append(d)
     late = _late_twins(case)
-    strays = [d for d in case.damages if d.turn == AT_TURN]
+    strays = [d for d in case.damages if d.turn == AT_TURN or _is_left_behind(case, d)]
     # a request some bits of which are wrong was hit by a pulse, not by an answer; one that is
     # answered was heard whole
     requests_torn = [d for d in case.damages if d.turn == IN_REQUEST]
     answered = heard(case).requests
     torn = [d for d in requests_torn if not d.alike and d.at not in answered]
     one = _behind_one(case, strays, SOME)
-    if one in found and one not in late:
+    if one in found and one not in late and not _begin_with_pulses(case, one, strays[0].t_ns):
         found[one].stray += strays
     everything = followed(case)
     one = _behind_one(case, torn, SOME) if everything is None else -1
@@ -296,6 +296,25 @@ def _torn_by_twins(case: Case) -> Set[int]:
     return {t.at for twin in found for t in twin.behind} | {
         d.at for twin in found for d in twin.foreign
     }
+
+
+def _is_left_behind(case: Case, d: Damage) -> bool:
+    """Tell whether bytes stand right behind a bare answer: what a second one has more than that."""
+    behind = case.has_bare_answers and d.turn == IN_IDLE and d.behind == RESPONSE
+    return behind and d.length <= case.ledger.answer_length
+
+
+def _begin_with_pulses(case: Case, servo: int, since_ns: int) -> bool:
+    """Tell whether bare answers of a servo took a pulse for their first byte, and leave their last.
+
+    The first is the load; a line that falls low for a moment makes a byte of one rising edge.
+    """
+    load = case.series(servo, "load") if case.has_bare_answers else None
+    if load is None:
+        return False
+    said = load.first[load.t_first >= since_ns] / load.register.scale
+    low = np.rint(said).astype(np.int64) ^ 0xFF
+    return 2 * int(np.count_nonzero(low & low + 1 == 0)) > len(low)
 
 
 def _behind_whom(d: Damage) -> int:

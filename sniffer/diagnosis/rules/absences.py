@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 FINDINGS: Final = (
     FindingCode(
+        "away-for-long",
+        "pairing",
+        "A servo is silent for longer than any restart takes, while it is asked, and answers again.",
+        "At least ten seconds and five requests in a row without an answer: manuals have restarts of three seconds at most, and a supply that sags is back in moments. It hung until it was switched off, or was unplugged.",
+    ),
+    FindingCode(
         "away-without-a-tear",
         "pairing",
         "A servo goes away time and again, and never within an answer.",
@@ -56,6 +62,10 @@ FINDINGS: Final = (
         "Two silences or more, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers (half, where it is said again and no repetition is answered); with sound answers between, so that chance does not choose it.",
     ),
 )
+
+LONG_NS: Final = 10 * NS
+ASKED: Final = 5
+"""How long a servo is silent, and how often it is asked meanwhile, that does not only restart."""
 
 OFTEN: Final = 3
 """Silences that are a habit."""
@@ -109,6 +119,20 @@ def tears(case: Case) -> Iterator[Finding]:
             f"{'are' if torn > 1 else 'is'} torn",
             min(len(runs) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
         )
+
+
+def for_long(case: Case) -> Iterator[Finding]:
+    """Tell which servos were silent for longer than a restart takes, and came back."""
+    for servo in case.answering if case.has_clock else ():
+        long = [
+            s
+            for s in case.ledger.silences.runs(servo)
+            if s.missed >= ASKED and (s.back_ns or 0) - s.first_ns >= LONG_NS
+        ]
+        if long:
+            took = max((s.back_ns or 0) - s.first_ns for s in long) / NS
+            what = f"servo {servo} answered nothing for {took:.0f} s, and then again"
+            yield _told("away-for-long", servo, long, what, 1.0)
 
 
 def _would_tear(case: Case, servo: int, times: int) -> float:
@@ -288,5 +312,5 @@ def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: f
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, one_question)
+RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, one_question, for_long)
 """The rules of this file."""

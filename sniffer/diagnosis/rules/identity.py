@@ -21,7 +21,7 @@ FINDINGS: Final = (
         "old-id-asked",
         "device",
         "A servo was given another id, and the old one is asked still and answers nothing.",
-        "A frame that gives the id, then at least three requests to the old one, none with an answer.",
+        "A frame that gives the id, then at least three requests to the old one, none with an answer, or none from some moment on to the end: some servos take it with their next start.",
     ),
     FindingCode(
         "id-given-twice",
@@ -52,7 +52,13 @@ def old_ids(case: Case) -> Iterator[Finding]:
     for k, servo in enumerate(told.servo_id.tolist()):
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
         asked, ok, first, last = _since(case, servo, t)
-        if asked < LEAST or ok:
+        if ok:  # what is kept without power may become true with the next start only, as LSS has it
+            spells = case.ledger.silences.of(servo)
+            late = [s for s in spells if s.back_ns is None and s.first_ns >= t]
+            if not late:
+                continue
+            asked, first, last = late[0].missed, late[0].first_ns, case.last_ns
+        if asked < LEAST:
             continue
         new = _value(case, "servo_id", servo, t)
         to = "" if new is None else f" {new}"

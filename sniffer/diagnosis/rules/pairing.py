@@ -95,6 +95,9 @@ SWEEP: Final = 5
 ALIKE: Final = 8
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
 
+LONG_MS: Final = 10_000
+"""What lasts longer is told in seconds."""
+
 BOOT_MS: Final = 1000.0
 """Small servos are up again within tenths of a second: wCK names 65 ms."""
 
@@ -255,6 +258,7 @@ def _mostly_short(case: Case, servo: int, away: Sequence[Silence]) -> bool:
 def _away(servo: int, away: Sequence[Silence]) -> Finding:
     longest = max(away, key=lambda s: (s.back_ns or 0) - s.first_ns)
     took_ms = ((longest.back_ns or 0) - longest.first_ns) / 1e6
+    told = f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s"
     often = "once" if len(away) == 1 else f"{len(away)} times"
     most = "" if len(away) == 1 else "at most "
     return Finding(
@@ -263,14 +267,13 @@ def _away(servo: int, away: Sequence[Silence]) -> Finding:
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {took_ms:.0f} ms "
-        f"({longest.missed} requests in a row)",
+        f"servo {servo} was away {often}, {most}for {told} ({longest.missed} requests in a row)",
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
             for s in away[:3]
         ),
         strength=min(0.8 + 0.1 * len(away), 1.0),
-        brief=f"servo {servo} silent for {took_ms:.0f} ms"
+        brief=f"servo {servo} silent for {told}"
         + ("" if len(away) == 1 else f", {len(away)} times"),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )

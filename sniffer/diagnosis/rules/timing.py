@@ -13,14 +13,18 @@ from sniffer.diagnosis.cycles import (
     CYCLES,
     EDGE,
     ITS_STEP,
+    LONGER,
     SPREAD,
     SPREAD_NS,
+    STALL_NS,
     cycle_of,
     is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
     steps,
+    turns,
     whole_cycles,
+    without_slower_loops,
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -44,7 +48,8 @@ FINDINGS: Final = (
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
         "not alike and three tenths of the time, nor behind a request that mostly has such a pause behind "
-        "it, nor where the two requests before, around or behind it mostly have one: the program's steps.",
+        "it, nor where the two requests before, around or behind it mostly have one: the program's steps; "
+        "nor before one servo after the other, alike in length and in time, as who homes them one by one rests.",
     ),
     FindingCode(
         "loop-jitters",
@@ -94,10 +99,6 @@ BEAT: Final = 1 / 3
 TURNS: Final = 0.1
 """Part of a cycle by which so many of them may miss the middle of what has its turn each time."""
 
-LONGER: Final = 2.0
-STALL_NS: Final = 10 * MS
-"""A stall is so many usual pauses and so much longer: a cycle that was missed, not one that is late."""
-
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
 
@@ -107,10 +108,6 @@ ITS_STEP_TIMES: Final = 3
 AROUND_NS: Final = 4 * NS
 MOSTLY: Final = 0.7
 """What is usual around a pause: what most of so much time on each side has at most."""
-
-SLOWER: Final = 4
-"""So many such pauses in a row, with nothing between them but one cycle's requests, are a slower
-loop: a program that looks less often now."""
 
 PERSON_NS: Final = NS // 2
 """Nobody stops a program and starts it again within half a second: what is longer may be a person's
@@ -223,9 +220,10 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     rests = case.ledger.exchanges.pauses
-    planned = steps(case, [p for p in rests if p.sure_ns >= LONGER * usual])
+    longer = [p for p in rests if p.sure_ns >= LONGER * usual]
+    planned = steps(case, longer) | turns(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
-    stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
+    stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
@@ -276,23 +274,6 @@ def _usual_around(case: Case, pause: Pause) -> float:
     rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
     rests = rests[rests > 0]
     return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
-
-
-def _without_slower_loops(stalls: list[Pause], usual: float) -> list[Pause]:
-    """Leave out pauses (in order) that come in every cycle for a while."""
-    rows: list[list[Pause]] = []
-    for p in stalls:
-        last = rows[-1][-1] if rows else None
-        spare = max(usual, STALL_NS)
-        if (
-            last is not None
-            and p.t_ns - last.t_ns - last.sure_ns <= spare
-            and max(p.sure_ns, last.sure_ns) <= LONGER * min(p.sure_ns, last.sure_ns)
-        ):
-            rows[-1].append(p)
-        else:
-            rows.append([p])
-    return [p for row in rows if len(row) < SLOWER for p in row]
 
 
 def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:

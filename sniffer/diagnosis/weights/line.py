@@ -298,6 +298,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("lost-together", 1.5, "servos behind one place of the chain fail together"),
         ("damage-one-servo", 1.0, "only these servos' answers are hit"),
         ("away-for-a-while", 0.5, "it is away for moments"),
+        ("away-for-long", 0.8, "it is unplugged for a while"),
         ("answers-twice", -2.0, "a contact does not make a second answer"),
         ("answers-mixed", -2.0, "two answers at once explain it"),
         ("answers-always-torn", -2.0, "a contact holds now and then"),
