@@ -394,3 +394,25 @@ def test_a_part_that_has_an_anomaly_and_not_a_byte_is_told_as_it_is(
         "mightyzap",
     )
     assert ran.status == 0, ran.err
+
+
+def test_seconds_count_from_the_first_byte_that_may_lie_long_before_the_first_stamp(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    exchange = "FFFFFF0102F10BFFFFFF010200FC"
+    log, part = tmp_path / "held.log", tmp_path / "part.log"
+    log.write_text(
+        f"(1795215306.500000) bus0 #{exchange * 66}\n(1795215307.000000) bus0 #{exchange}\n"
+    )
+    rows = [row for row in told(capsys, file=log) if row["type"] == "frame"]
+    seconds = f"{(rows[9]['t_ns'] - rows[0]['t_ns']) / 1e9 + 0.0001:.6f}"
+    found = [
+        row
+        for row in told(capsys, "--from", "0", "--to", seconds, file=log)
+        if row["type"] == "frame"
+    ]
+    assert found == rows[: len(found)]
+    assert 8 <= len(found) <= 10
+    ran = within(capsys, "cut", log, "--from", "0", "--to", seconds, "-o", part)
+    assert ran.status == 0, ran.err
+    assert part.read_text().split("#")[1].startswith(exchange)

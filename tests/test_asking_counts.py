@@ -136,6 +136,8 @@ def test_a_table_has_the_selected_rows_and_one_that_can_have_none_is_told(
     assert {name.partition(".")[0] for name in head[2:]} == {"3"}
     ran = within(capsys, "convert", DAMAGED, tmp_path / "x.csv", "--op", "store_data")
     assert f"{tmp_path / 'x.csv'} has no rows: samples have no op; ask for `value IS" in ran.err
+    ran = within(capsys, "convert", DAMAGED, tmp_path / "z.csv", "--code", "no-response")
+    assert 'samples have no code; `sniffer query "SELECT * FROM anomalies" FILE`' in ran.err
     told = ["--op", "store_data", "--where", "value IS NOT NULL"]
     ran = within(capsys, "convert", DAMAGED, tmp_path / "y.csv", *told)
     assert "has no rows" not in ran.err

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.cells import cell_len
 
 from sniffer.sinks.text import WIDE
 from tests.commands import COMMAND, environment, talk, within
@@ -134,3 +135,13 @@ def test_the_widths_that_the_readme_names_are_those_of_the_table(tmp_path: Path)
         (True, False),
         (True, True),
     ]
+
+
+def test_columns_stand_under_each_other_where_names_have_signs_of_two_cells(
+    capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = CAPTURES / "rs30x_manual.hex"
+    text = shown(capsys, monkeypatch, path, 140, "--name", "1=左膝関節")
+    lines = [line for line in text.splitlines() if re.search(r" [<>] \w", line)]
+    assert len({cell_len(re.split(r" [<>] \w", line)[0]) for line in lines}) == 1
+    assert any("左膝関節" in line for line in lines)

@@ -307,9 +307,9 @@ def test_the_place_to_begin_at_is_said_as_elsewhere(
 
 
 class Shell:
-    """A command on a terminal of its own, 80 columns wide."""
+    """A command on a terminal of its own, 80 columns wide; what it warns of may go to a file."""
 
-    def __init__(self, *arguments: str | Path, cwd: Path) -> None:
+    def __init__(self, *arguments: str | Path, cwd: Path, warnings: int | None = None) -> None:
         self.master, slave = pty.openpty()
         termios.tcsetwinsize(slave, (24, 80))
         self.before = termios.tcgetattr(slave)
@@ -318,7 +318,7 @@ class Shell:
             [*COMMAND, *map(str, arguments)],
             stdin=slave,
             stdout=slave,
-            stderr=slave,
+            stderr=slave if warnings is None else warnings,
             cwd=cwd,
             env=environment(TERM="xterm-256color", PYTHONPATH=str(ROOT)),
             start_new_session=True,
@@ -362,6 +362,20 @@ def test_a_terminal_is_as_it_was_however_it_ends(end: str, tmp_path: Path) -> No
         assert shell.is_restored()
         assert b"Traceback" not in shell.seen
         assert not [*tmp_path.iterdir()]
+    finally:
+        shell.close()
+
+
+@LINUX_ONLY
+def test_the_screen_is_on_the_terminal_where_warnings_go_to_a_file(tmp_path: Path) -> None:
+    with (tmp_path / "warnings.txt").open("w") as warnings:
+        shell = Shell("open", CLEAN, cwd=tmp_path, warnings=warnings.fileno())
+    try:
+        shell.read(lambda seen: b"echo" in seen and b"FF FF" in seen)
+        os.write(shell.master, b"q")
+        assert shell.ended() == 0
+        assert shell.is_restored()
+        assert (tmp_path / "warnings.txt").read_bytes() == b""
     finally:
         shell.close()
 

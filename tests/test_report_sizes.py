@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.mcapfile.sink import McapSink
+from sniffer.reports.markup import text
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.render import candump, frame_reads
 from tests.recordings import talk as simulated
@@ -49,3 +50,8 @@ def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
     assert "and 14 further buses: without curves" in told
     assert re.search(r"and \d+ more facts", told)
     assert "bus29" in told
+
+
+def test_an_arrow_is_one_sign_that_no_end_of_a_line_breaks() -> None:
+    assert text("servo 4 heats up -> servo 4 reports it") == "servo 4 heats up → servo 4 reports it"
+    assert text("a->b <- c") == "a-&gt;b &lt;- c"

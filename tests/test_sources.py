@@ -312,7 +312,7 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"2026-11-20 22:55:06.001 FF FF 01 4\n", "write each byte with two"),
         (b"22:55:06 FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
         (b"P10:55:06.001A FF FF 01\n", "(seconds.fraction) bus0 #HEX"),
-        (b"TX: 255 255 1 4\n", "this is text, but no dump"),
+        (b"TX: 255 255 1 400\n", "this is text, but no dump"),
         (b"TX: [16, 32, 10]\n", "(seconds.fraction) bus0 #HEX"),
         (b"TX: FF FF 01 04\nFF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
         (b"hello world\n", "say `input_format='bin'`"),

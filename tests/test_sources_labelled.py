@@ -40,6 +40,97 @@ def test_what_people_write_down_is_read(log: str) -> None:
     assert read(log.encode()) == ASKED + SAID
 
 
+@pytest.mark.parametrize(
+    "log",
+    [
+        # rospy as arebgun/dynamixel_motor#50 has it, roscpp as reedhedges/AriaCoda#7, ROS 2 as
+        # ROBOTIS-GIT/open_manipulator#333
+        (
+            "[DEBUG] [WallTime: 1455635115.944340] write: ff ff ff 01 02 f1 0b\n"
+            "[DEBUG] [WallTime: 1455635115.946340] read: ff ff ff 01 02 00 fc\n"
+        ),
+        (
+            "[ INFO] [1625177470.016575528]: RosAria: set port: [/dev/ttyUSB0]\n"
+            "[DEBUG] [1625177470.116575528]: TX: FF FF FF 01 02 F1 0B\n"
+            "[DEBUG] [1625177470.118575528, 12.250000]: RX: FF FF FF 01 02 00 FC\n"
+        ),
+        (
+            "[servo_node-1] [INFO] [1752838413.863188435] [servo_bus]: TX FF FF FF 01 02 F1 0B\n"
+            "[servo_node-1] [INFO] [1752838413.865188435] [servo_bus]: RX FF FF FF 01 02 00 FC\n"
+        ),
+        # Python's logging: its basic format, ljean/modbus-tk#182, its tutorial's format, loguru,
+        # home-assistant/core#115039
+        f"DEBUG:root:TX {ASKED.hex(' ')}\nDEBUG:root:RX {SAID.hex(' ')}\n",
+        f"DEBUG:modbus_tk:-> {ASKED.hex('-')}\nDEBUG:modbus_tk:<- {SAID.hex('-')}\n",
+        (
+            f"2026-11-27 07:18:00,123 - servo.bus - DEBUG - write: {ASKED!r}\n"
+            f"2026-11-27 07:18:00,125 - servo.bus - DEBUG - read: {SAID!r}\n"
+        ),
+        (
+            f"2026-11-27 07:18:00.123 | DEBUG    | bus:send:42 - Sent 7 bytes: {ASKED.hex()}\n"
+            f"2026-11-27 07:18:00.125 | DEBUG    | bus:recv:47 - Received 7 bytes: {SAID.hex()}\n"
+        ),
+        (
+            "2024-04-07 22:26:30.764 DEBUG (MainThread) [bus] send: 0xff 0xff 0xff 0x1 0x2 0xf1 0xb"
+            "\n2024-04-07 22:26:30.820 DEBUG (MainThread) [bus] recv: 0xff 0xff 0xff 0x1 0x2 0x0"
+            " 0xfc\n"
+        ),
+        # TillFleisch/ESPHome-Philips-Smart-Coffee#10, ESP_LOG_BUFFER_HEX and .._HEXDUMP of ESP-IDF
+        (
+            "[21:57:15][D][uart_debug:114]: >>> FF:FF:FF:01:02:F1:0B\n"
+            "[21:57:15][D][uart_debug:114]: <<< FF:FF:FF:01:02:00:FC\n"
+        ),
+        "I (1234) servo_tx: ff ff ff 01 02 f1 0b\nI (1236) servo_rx: ff ff ff 01 02 00 fc\n",
+        (
+            "W (195) bus: 0x3ffb4280   ff ff ff 01 02 f1 0b                           |.......|\n"
+            "W (198) bus: 0x3ffb4290   ff ff ff 01 02 00 fc                           |.......|\n"
+        ),
+    ],
+)
+def test_the_heads_of_logging_frameworks_are_no_bytes(log: str) -> None:
+    assert open_source(log.encode()).format == "labelled"
+    assert read(log.encode()) == ASKED + SAID
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        # pictures of packets in the manual of the DX-116, dumps of a driver for bioloid servos
+        "->[Dynamixel]:FF FF FF 01 02 F1 0B (LEN:007)\n<-[Dynamixel]:FF FF FF 01 02 00 FC\n",
+        "W: 0000: ff ff ff 01 02 f1 0b\nR: 0000: ff ff ff 01 02 00 fc\n",
+        "TX packet: FF FF FF 01 02 F1 0B\nRX (7): FF FF FF 01 02 00 FC\n",
+        # Serial.print(b, HEX), a print of a list in Python (huggingface/lerobot#526), of DEC
+        "Sending packet: FF FF FF 1 2 F1 B\nReceived: FF FF FF 1 2 0 FC\n",
+        f"TX {list(ASKED)}\nRX {list(SAID)}\n",
+        f"TX: {' '.join(map(str, ASKED))}\nRX: {' '.join(map(str, SAID))}\n",
+    ],
+)
+def test_bytes_are_read_as_programs_print_them(log: str) -> None:
+    assert read(log.encode()) == ASKED + SAID
+
+
+def test_numbers_whose_radix_nothing_proves_are_no_bytes() -> None:
+    assert read(b"TX: [255, 160, 0, 32]\nRX: [0, 64]\n") == bytes.fromhex("FFA00020 0040")
+    refusal(b"TX: [1, 64]\nRX: [0, 64]\n")
+    refusal(b"22:55:06.001 -> 100 23\n22:55:06.101 -> 120 23\n")
+    refusal(b"INFO: servo 3 answered ff ff ff 01 02 00 fc in 2 ms\n")
+    line = b"TX: FF A0 0 20\n"
+    _, message = until_damage(line * 9 + b"RX: 00 A4\n")
+    assert "line 10" in message
+    assert "'0' has one digit, '00' a zero in front" in message
+
+
+def test_milliseconds_since_it_was_switched_on_are_seconds() -> None:
+    first, second = stamps("I (1234) bus: ff a0 00 20\nI (1240) bus: 00 a4 20 00\n")
+    assert first == (1234 * MS, (coarse(4, MS),))
+    assert second[0] == 1240 * MS
+
+
+def test_what_is_refused_is_told_how_to_be_read() -> None:
+    assert "sed" in refusal(b"\x1b[0;32mI (1234) bus: ff a0 00 20\x1b[0m\n")
+    assert "(seconds.fraction)" in refusal(b"1234 TX FF A0 00 20\n1236 RX 00 A4\n")
+
+
 def test_lss_text_stands_as_it_is() -> None:
     assert read(b"TX: #5QD\nRX: *5QD1443\n") == b"#5QD\r*5QD1443\r"
 
@@ -96,7 +187,7 @@ def test_words_between_are_left_out_and_mistakes_are_damage() -> None:
     assert got == bytes.fromhex("FFA00020") * 9
     assert "line 10" in message
     assert "write each byte with two" in message
-    assert "write each byte with two" in refusal(b"22:55:06.001 -> FF FF FF 1 2 F1 B\n")
+    assert "write each byte with two" in refusal(b"22:55:06.001 -> FF FF FF 01 2 F1 B\n")
 
 
 def test_the_last_line_may_be_cut_off() -> None:

@@ -177,7 +177,6 @@ def test_bytes_once_more_as_text_are_never_read_as_bytes(data: bytes, between: s
         ("Nov 24 10:00:00 00000000  ff a0 00 20  |... |", "(seconds.fraction)"),
         ("1795215306.000100 00000000: ffa0 0020  ... ", "(seconds.fraction)"),
         ("Nov 24 10:00:00 00000000: ffa0 0020  ... ", "(seconds.fraction)"),
-        ("I (1216) uart: ff a0 00 20", "(seconds.fraction)"),
         (" (2026-11-24 10:00:00.000001)  can0  123   [2]  FF A0", "candump -L"),
         ("Host -->  0xFF 0xA0 0x00 0x20", "(seconds.fraction)"),
         ("let d: [u8; 2] = [0xff, 0xa0];", "brackets"),

@@ -95,7 +95,9 @@ def test_a_capture_in_which_no_register_was_said_tells_so(tmp_path: Path, capsys
     dump.write_text("FF FF FF 00 02 F1 0C\n" * 9, encoding="ascii")
     ran = within(capsys, "state", dump, "--protocol", "mightyzap")
     assert ran.status == 0
-    assert ran.out.startswith("no register was read or written")
+    assert ran.out.startswith("no register was read or written, as far")
+    ran = within(capsys, "state", dump, "--protocol", "mightyzap", "--servo", "3")
+    assert ran.out.startswith("no register was read or written in what is asked for")
 
 
 def test_a_capture_in_the_place_of_a_model_is_told_which_command_reads_it(capsys: Capsys) -> None:

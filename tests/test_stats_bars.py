@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from rich.cells import cell_len
 
 from tests.commands import within
 from tests.test_stats import exchange
@@ -15,7 +16,13 @@ BEFORE_BARS = re.compile(r"^  (?:servo .*)? (?:took at least|at most)  ")
 
 
 @pytest.mark.parametrize(
-    "names", [(), ("--name", "12=left_shoulder_pitch"), ("--name", "3=hip", "--name", "112=toe")]
+    "names",
+    [
+        (),
+        ("--name", "12=left_shoulder_pitch"),
+        ("--name", "3=hip", "--name", "112=toe"),
+        ("--name", "12=左膝関節"),
+    ],
 )
 @pytest.mark.parametrize("columns", ["80", "140"])
 def test_bars_of_all_servos_begin_in_one_column(
@@ -37,7 +44,8 @@ def test_bars_of_all_servos_begin_in_one_column(
     log.write_text("".join(lines), encoding="ascii")
     ran = within(capsys, "stats", log, "--protocol", "mightyzap", "--baud", "57600", *names)
     assert ran.status == 0, ran.err
-    begins = {found.end() for line in ran.out.splitlines() if (found := BEFORE_BARS.match(line))}
+    found = filter(None, map(BEFORE_BARS.match, ran.out.splitlines()))
+    begins = {cell_len(before[0]) for before in found}
     assert len(begins) == 1
     (axis,) = (line for line in ran.out.splitlines() if re.match(r" +\|\d", line))
     assert axis.index("|") >= min(begins)

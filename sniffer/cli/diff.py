@@ -77,7 +77,9 @@ def diff(
     if output_format == "json":
         click.echo(json.dumps(done.as_dict()))
     else:
-        click.echo("\n".join(done.lines()))
+        from sniffer.sinks.consoles import console_for, folded, room_in
+
+        click.echo("\n".join(folded(done.lines(), room_in(console_for()))))
     if status := status_of(done.ending, is_lost=bool(done.gone)):
         return status
     return 0 if done.equal else 1

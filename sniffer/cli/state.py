@@ -70,5 +70,7 @@ def state(
 
         print_held(done.registers, done.summary.names, done.began_ns)
     else:
-        click.echo("no register was read or written, as far as a table names them")
+        is_part = selection is not None or (window is not None and window.is_part)
+        where = " in what is asked for" if is_part else ""
+        click.echo(f"no register was read or written{where}, as far as a table names them")
     return status_of(done.ending, is_lost=False)

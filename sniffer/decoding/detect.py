@@ -218,7 +218,8 @@ class Scores:
         shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
         likely, told = _hint(self._data)
-        told = f"cannot tell the protocol of these {{size}} bytes{{whose}}{{why}}: {told}"
+        these = "this {size} byte" if self.size == 1 else "these {size} bytes"
+        told = f"cannot tell the protocol of {these}{{whose}}{{why}}: {told}"
         told = Sentence(told, size=self.size, whose="", why=why)
         raise UndecidedError(told, likely=likely)
 

@@ -19,7 +19,7 @@ from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import Mark, MarkKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import I64, Batch, Chunk, Mask
@@ -163,10 +163,14 @@ class _PartOfBus:
 class Slicer:
     """A sink that finds what lies between two moments; None is the capture's own edge.
 
-    A record belongs to it that ends there: its last byte is when its content was known.
+    A record belongs to it that ends there: its last byte is when its content was known. Where
+    ``ends`` is told, it gives them, from what was decoded first.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, ends: Callable[[Sequence[Part]], tuple[int | None, int | None]] | None = None
+    ) -> None:
+        self._ends = ends
         self.from_ns: int | None = None
         self.to_ns: int | None = None
         self._buses: dict[str, _PartOfBus] = {}
@@ -181,6 +185,8 @@ class Slicer:
     def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Take what several protocols said in one pass."""
         records = _Records.of(parts)
+        if self._ends is not None:
+            (self.from_ns, self.to_ns), self._ends = self._ends(parts), None
         if len(records.start):
             self._buses.setdefault(bus, _PartOfBus()).add(records, self.from_ns, self.to_ns)
 

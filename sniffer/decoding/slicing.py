@@ -14,7 +14,7 @@ import numpy as np
 
 from sniffer.anomalies.found import Anomalies
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import NS, Mask
+from sniffer.ground.model import NS, Clock, Mask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,10 +30,24 @@ QUIET_NS = 5_000_000_000
 for is a second."""
 
 
-class Slice:
-    """Passes on what was said in a part of a capture; ``ends`` gives it, once the first byte came.
+def first_told_ns(stamp_ns: int | None, parts: Sequence[Part]) -> int | None:
+    """Return when the first record of a capture was told, from which its seconds count, in ns.
 
-    ``ends`` takes the time of the first byte (None: no clock) and returns the first and the last
+    ``stamp_ns`` is the stamp of its first chunk, ``parts`` what was decoded first: where a host
+    held bytes back, they were said long before that.
+    """
+    if stamp_ns is None:
+        return None
+    clocked = [batch for _, batch in parts if batch.clock != Clock.NONE]
+    first = [int(batch.frames.t_end[0]) for batch in clocked if len(batch.frames)]
+    first += [batch.gaps[0].t_ns for batch in clocked if len(batch.gaps)]
+    return min((stamp_ns, *first))
+
+
+class Slice:
+    """Passes on what was said in a part of a capture; ``ends`` gives it, once something is decoded.
+
+    ``ends`` takes the time of the first record (None: no clock) and returns the first and the last
     time, each None where the capture's own is meant.
     """
 
@@ -45,7 +59,7 @@ class Slice:
         self._first: int | None = None
         self.start: int | None = None
         self.stop: int | None = None
-        self._is_known = False
+        self._is_heard = self._is_known = False
         self._begun: set[str] = set()
         self._ended: set[str] = set()
         self._heard: set[str] = set()
@@ -55,10 +69,9 @@ class Slice:
         """Take chunks before they are decoded."""
         self._heard.add(bus)
         for chunk in chunks:
-            if not self._is_known and chunk.data:
-                self._is_known = True
+            if not self._is_heard and chunk.data:
+                self._is_heard = True
                 self._first = chunk.t_ns
-                self.start, self.stop = self._ends(chunk.t_ns)
             if chunk.t_ns is not None:
                 self._newest = max(self._newest, chunk.t_ns)
 
@@ -68,7 +81,7 @@ class Slice:
     @property
     def seconds(self) -> float | None:
         """How long the capture is, as far as it was read; None: nothing was said in it."""
-        return (self._newest - (self._first or 0)) / NS if self._is_known else None
+        return (self._newest - (self._first or 0)) / NS if self._is_heard else None
 
     @property
     def is_over(self) -> bool:
@@ -81,6 +94,10 @@ class Slice:
 
     def of(self, bus: str, parts: Sequence[Part]) -> list[Part]:
         """Return what of a pass belongs to it, none where nothing does."""
+        if not self._is_known:
+            self._is_known = True
+            self._first = first_told_ns(self._first, parts)
+            self.start, self.stop = self._ends(self._first)
         for _, batch in parts:
             if len(batch.frames):
                 self._newest = max(self._newest, int(batch.frames.t_end[-1]))

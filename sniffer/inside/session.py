@@ -19,7 +19,7 @@ from sniffer.inside.recorder import BesideRecorder
 from sniffer.sources.several import inputs_of, open_capture
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from sniffer.selection.selection import Selection
 
@@ -79,7 +79,7 @@ def look_inside(
                 wanted="" if selection is None else selection.text,
                 start=start,
             )
-            with Promptly():
+            with Promptly(), _drawn_on_terminal():
                 glass.run()
         finally:
             sys.setswitchinterval(before)
@@ -138,6 +138,18 @@ def need_terminal(*sources: str) -> None:
         raise InputError("keys are read from standard input: save the capture and give its name")
     if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
         raise InputError("this draws on a terminal, and there is none: `sniffer decode` prints")
+
+
+@contextlib.contextmanager
+def _drawn_on_terminal() -> Iterator[None]:
+    """Let Textual, which draws on standard error, draw on standard output where that is a file."""
+    errors = sys.__stderr__
+    if errors is None or not errors.isatty():
+        sys.__stderr__ = sys.__stdout__  # type: ignore[misc]
+    try:
+        yield
+    finally:
+        sys.__stderr__ = errors  # type: ignore[misc]
 
 
 def is_port(source: str) -> bool:

@@ -225,7 +225,8 @@ class FrameList(ScrollView, can_focus=True):
         most = NAMES if wide else SHORT_NAMES
         text = f"{number:>3} {name or ('' if wide else bus)}"
         room = min(max(map(cell_len, names)) + 4, most)
-        return set_cell_size(text, room - 1) + "…" if cell_len(text) > room else text.ljust(room)
+        fits = cell_len(text) <= room
+        return set_cell_size(text, room) if fits else set_cell_size(text, room - 1) + "…"
 
     def _laid(self, cells: tuple[str, ...], time: str, width: int, *, shift: int) -> str:
         """Lay cells out; the values get what is left of the width."""

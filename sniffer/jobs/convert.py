@@ -103,7 +103,7 @@ def convert(
     tell = tell or Teller(lambda line: None, quiet=True)
     if selection is not None and (lacking := selection.missing_in("samples")):
         for path in (path for path in outputs if path.suffix.lower() in TABLES):
-            tell.talk(_without_rows(path, lacking))
+            tell.talk(_without_rows(path, lacking, selection.tables))
     inputs = inputs_of(source)
     again = anonymise or (asked is not None and asked.seeks)
     if len(inputs) > 1:
@@ -194,13 +194,13 @@ def convert_opened(
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
 
 
-def _without_rows(path: Path, lacking: Sequence[str]) -> str:
-    """Return that a table of values has no rows, and how it gets those of the selected frames."""
+def _without_rows(path: Path, lacking: Sequence[str], tables: Sequence[str]) -> str:
+    """Return that a table of values has no rows, and how rows of what is selected are had."""
     from sniffer.selection.columns import LENT
 
     told = f"{path} has no rows: samples have no {and_(list(lacking))}"
     if not LENT["samples"].keys() >= set(lacking):
-        return told
+        return f'{told}; `sniffer query "SELECT * FROM {tables[0]}" FILE` has, as CSV, too'
     return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
 
 

@@ -10,6 +10,7 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import SINCE
 from sniffer.decoding.parting import Slicer, sliced
 from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.decoding.slicing import first_told_ns
 from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.parting import Span
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Chunk
     from sniffer.jobs.session import Patience
     from sniffer.selection.places import Window
@@ -164,15 +166,20 @@ def _found(
     Raises:
         InputError: nothing was said there, or there is no such bus.
     """
-    slicer = Slicer()
-    began: list[int] = []
+    began: list[int | None] = []
+
+    def ends(parts: Sequence[Part]) -> tuple[int | None, int | None]:
+        began[0] = first_told_ns(began[0], parts)
+        return asked.ends(began[0])
+
+    slicer = Slicer(ends)
     heard: dict[str, None] = {}
 
     def timed(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
         for group in groups:
             if group and not began:
-                began.append(group[0].t_ns or 0)
-                slicer.from_ns, slicer.to_ns = asked.ends(group[0].t_ns)
+                began.append(group[0].t_ns)
+                asked.ends(group[0].t_ns)  # what cannot be is refused here: sinks do not raise it
             heard.update((chunk.bus, None) for chunk in group)
             yield [chunk for chunk in group if chunk.bus in buses] if buses else group
 
@@ -193,7 +200,7 @@ def _found(
     if not part.spans:
         if undecided is not None:
             raise undecided
-        ends = [b.t_last_ns for b in pipeline.summary.buses.values() if b.t_last_ns is not None]
-        length = (max(ends) - began[0]) / NS if ends and began else 0.0
+        lasts = [b.t_last_ns for b in pipeline.summary.buses.values() if b.t_last_ns is not None]
+        length = (max(lasts) - (began[0] or 0)) / NS if lasts and began else 0.0
         raise InputError(f"nothing was said {asked}: the capture has {length:.3f} s")
     return part

@@ -29,12 +29,14 @@ Content = str | int | float
 def text(content: Content) -> Markup:
     """Return a content as it may stand in a page.
 
-    What steers a terminal or a line is written out, newlines aside, and endless words are cut.
+    What steers a terminal or a line is written out, newlines aside, and endless words are cut. An
+    arrow of two signs would be broken between them at the end of a line.
     """
     if isinstance(content, Markup):
         return content
     lines = str(content).split("\n")
-    return Markup(html.escape("\n".join(short(plain(line)) for line in lines)))
+    escaped = html.escape("\n".join(short(plain(line)) for line in lines))
+    return Markup(escaped.replace(" -&gt; ", " → "))
 
 
 def tag(name: str, /, *content: Content, **attributes: Content | None) -> Markup:

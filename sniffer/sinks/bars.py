@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from rich.cells import cell_len
+from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
 from sniffer.decoding.durations import BINS_SHOWN
@@ -74,11 +74,12 @@ def print_histograms(
         pair = [_folded(counts, begin, size, per) for counts in (low, high)]
         top = max(max(row) for row in pair)
         if pair[0] == pair[1]:
-            console.print(Text(f"  {'servo ' + who:<{label - 4}}  {bars(pair[0], top)}"))
+            name = set_cell_size(f"servo {who}", label - 4)
+            console.print(Text(f"  {name}  {bars(pair[0], top)}"))
             continue
         for row, told in zip(pair, ("took at least", "at most"), strict=True):
-            name = f"servo {who}" if told != "at most" else ""
-            console.print(Text(f"  {name:<{label - BESIDE}}{told:>14}  {bars(row, top)}"))
+            name = set_cell_size(f"servo {who}" if told != "at most" else "", label - BESIDE)
+            console.print(Text(f"  {name}{told:>14}  {bars(row, top)}"))
     console.print(Text(" " * label + _axis(begin, size, per, width - label), style="dim"))
 
 

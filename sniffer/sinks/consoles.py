@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import textwrap
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console, ConsoleDimensions
@@ -11,7 +12,7 @@ from rich.console import Console, ConsoleDimensions
 from sniffer.ground.streams import UNFOLDED, stated_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from typing import TextIO
 
 WIDE: Final = 140
@@ -78,6 +79,22 @@ def room_in(console: Console) -> int | None:
     What ``COLUMNS`` states holds for pipes, too.
     """
     return console.width if stated_columns() or console.file.isatty() else None
+
+
+def folded(lines: Iterable[str], room: int | None) -> Iterator[str]:
+    """Yield lines, broken between words where one is too long; what goes on stands further in."""
+    for line in lines:
+        if not room or len(line) <= room:
+            yield line
+            continue
+        deeper = " " * (len(line) - len(line.lstrip(" ")) + 2)
+        yield from textwrap.wrap(
+            line,
+            room,
+            subsequent_indent=deeper,
+            break_on_hyphens=False,
+            break_long_words=False,
+        )
 
 
 def unfold(console: Console) -> None:

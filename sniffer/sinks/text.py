@@ -7,6 +7,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TextIO
 
 import numpy as np
+from rich.cells import cell_len, set_cell_size
 from rich.style import Style
 
 from sniffer.decoding.narrowing import meant
@@ -130,7 +131,7 @@ class TextSink:
         """Take what servos are called; where lines are wide, ids have their names beside them."""
         self._summary.names = names
         if names and self._wide:
-            ids = IDS + 1 + max(map(len, names.known))
+            ids = IDS + 1 + max(map(cell_len, names.known))
             self._ids = min(ids, NAMES) if self._is_cut else ids
 
     def _lay_out(self, buses: Iterable[str]) -> None:
@@ -301,13 +302,17 @@ class TextSink:
         if self._ids > IDS and servo.isdecimal():
             name, room = self._summary.names.of(bus, int(servo)) or "", self._ids
             row[1] = f"{row[1]} {plain(name)}".rstrip()
-            row[1] = row[1] if len(row[1]) <= room else f"{row[1][: room - 1]}…"
+            if cell_len(row[1]) > room:
+                row[1] = f"{set_cell_size(row[1], room - 1)}…"
         if self._with_bus:
             row.insert(1, self._shown.get(bus) or self._shown.setdefault(bus, short(plain(bus))))
         if self._with_bytes:
             row.insert(-1, raw.hex(" ").upper() if raw is not None else "bytes")
-        lay = fit if self._is_cut else str.ljust
-        return " ".join(map(lay, row, self._widths)).rstrip()
+        lay, widths = fit if self._is_cut else str.ljust, self._widths
+        if not (row[1].isascii() and row[2].isascii()):  # names may have signs of two cells
+            row_widths = zip(row, widths, strict=True)
+            widths = [room + len(cell) - cell_len(cell) for cell, room in row_widths]
+        return " ".join(map(lay, row, widths)).rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:

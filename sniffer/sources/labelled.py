@@ -6,6 +6,7 @@ r"""Logs that people and programs of their own write: bytes behind a time, a dir
     Sent: 0xFF 0xA0 0x00 0x20   Received: 0x00 0xA4
     >> #5QD
     << *5QD1443
+    [DEBUG] [1732694400.123456]: TX: FF A0 00 20   behind the head of a logging framework
 
 No tool defines them, so nobody knows of which byte a time is: it is taken for the moment at which
 all of them had been read, or at which they were handed over to be sent. LSS text stands as it is.
@@ -20,8 +21,10 @@ from sniffer.ground.coarse import coarse
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.ground.patterns import later
+from sniffer.sources.logheads import log_head
 from sniffer.sources.plain import BadLineError, hex_line, share_of_hex
 from sniffer.sources.sides import handed_over, oriented
+from sniffer.sources.spelling import Spelling
 from sniffer.sources.text import (
     DamagedLine,
     LineBlock,
@@ -50,12 +53,32 @@ _STAMP: Final = (
 )
 _STAMPED: Final = later(_STAMP)
 _BODY: Final = rb"(?=[ \t]{0,8}(?:[0-9A-Fa-f]{2}|0x|\\x|[#*\[{(]|(?:bytearray\()?b['\"]|$))"
+_OF: Final = (
+    rb"(?:[ \t]{1,8}(?:\d{1,4}[ \t]{1,8})?(?:bytes?|data|packet|frame|message)(?=[ \t]{0,8}[:=])"
+    rb"|[ \t]{0,8}(?:\[\d{1,4}\]|\(\d{1,4}(?: bytes?)?\))(?=[ \t]{0,8}[:=]))?"
+)
+"""What else a direction is told with: ``Sent 7 bytes:``, ``TX packet:``, ``RX [7]:``."""
+
+_PEER: Final = rb"(?:[ \t]{0,8}\[[A-Za-z][\w -]{0,30}\](?=:))?"  # ->[Dynamixel]:FF FF 00
 _WAY: Final = later(
     rb"(?:^|(?<=[ \t\])|]))[\[(<]?(?:(?P<word>"
     + _WORDS
-    + rb")(?:\b|(?==))[\])>]?[ \t]{0,8}[:=]?[ \t]{0,8}"
-    rb"(?:-{1,3}>|<-{1,3})?|(?P<arrow>-{1,3}>|<-{1,3}|>{1,3}|<{1,3}))" + _BODY + rb"[ \t]{0,8}:?",
+    + rb")(?:\b|(?==))[\])>]?"
+    + _OF
+    + rb"[ \t]{0,8}[:=]?[ \t]{0,8}"
+    rb"(?:-{1,3}>|<-{1,3})?|(?P<arrow>-{1,3}>|<-{1,3}|>{1,3}|<{1,3})"
+    + _PEER
+    + rb":?)"
+    + _BODY
+    + rb"[ \t]{0,8}:?",
     re.IGNORECASE,
+)
+_PLACE: Final = later(rb"^(?:0x[0-9A-Fa-f]{8}[ \t]{2,}|(?:0x)?0[0-9A-Fa-f]{3}:[ \t]+)")
+"""An offset or an address in front of bytes, as dumps have it."""
+
+_FIRST: Final = later(  # bytes that begin a message
+    rb"(?:" + _PLACE.pattern + rb")?(?:(?:(?:0x)?[0-9A-Fa-f]{1,2}[ ,:-]{1,2}){2}"
+    rb"|(?:[0-9A-Fa-f]{2}){4,}[ \t\r]*$|(?:bytearray\()?b['\"])|[#*]\d"
 )
 _ASIDE: Final = later(rb"[ \t][|(\"'].*$|(?:\\r|<CR>)$", re.IGNORECASE)
 LSS_LINE: Final = later(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
@@ -90,25 +113,38 @@ def states(line: bytes) -> bool:
     """Tell whether a line states bytes behind a time or a direction, well or badly."""
     said = _said(line)
     try:
-        return said is not None and any(_data(text) for _, text in said.parts)
+        return said is not None and any(_data(*part, Spelling()) for part in said.parts)
     except BadLineError:
         return not _DECIMAL.search(line)
 
 
 def _said(line: bytes) -> _Labelled | None:
     """Take a line apart; None where it has neither a time nor a direction in front."""
-    stamp = _STAMPED.match(line)
-    text = line[stamp.end() :] if stamp else line
+    if head := log_head(line, _begins):
+        stamp, text = _STAMPED.match(head.time), line[head.size :]
+    else:
+        stamp = _STAMPED.match(line)
+        text = line[stamp.end() :] if stamp else line
     ways = [*_WAY.finditer(text)]
     if ways and text[: ways[0].start()].strip(b" \t"):
         ways = []
-    if stamp and not ways and not (stamp["part"] or stamp["fraction"] or stamp["arrow"]):
-        stamp = None if stamp["closed"] is None else stamp
+    if not head and stamp and not ways and not _is_sure(stamp):
+        stamp = None
     if not ways:
-        return _Labelled(stamp, [(Direction.UNKNOWN, text)]) if stamp else None
+        return _Labelled(stamp, [(Direction.UNKNOWN, text)]) if stamp or head else None
     ends = [*(way.start() for way in ways[1:]), len(text)]
     parts = [(_way(w), text[w.end() : end]) for w, end in zip(ways, ends, strict=True)]
     return _Labelled(stamp, parts)
+
+
+def _is_sure(stamp: re.Match[bytes]) -> bool:
+    """Tell whether this is a time even where no direction follows: else it may be bytes."""
+    return any(stamp[group] for group in ("part", "fraction", "arrow", "closed"))
+
+
+def _begins(text: bytes, alone: bool) -> bool:
+    """Tell whether a text begins with bytes: with a direction, or ``alone``."""
+    return bool(_WAY.match(text) or (alone and _FIRST.match(text)))
 
 
 def _way(way: re.Match[bytes]) -> Direction:
@@ -117,7 +153,7 @@ def _way(way: re.Match[bytes]) -> Direction:
     return Direction.TX if is_sent else Direction.RX
 
 
-def _data(text: bytes) -> bytes:
+def _data(way: Direction, text: bytes, spelling: Spelling) -> bytes:
     """Return the bytes that a text states, none where it is of words.
 
     Raises:
@@ -126,9 +162,12 @@ def _data(text: bytes) -> bytes:
     plain = text.strip(b" \t\r;,")
     if literal := _LITERAL.fullmatch(plain):  # as Python shows them
         return hex_line(literal[1])
-    plain = _ASIDE.sub(b"", plain).rstrip(b" \t")
+    plain = _PLACE.sub(b"", _ASIDE.sub(b"", plain).rstrip(b" \t"))
     if LSS_LINE.fullmatch(plain):
         return plain + b"\r"
+    listed = spelling.read(plain, is_directed=way is not Direction.UNKNOWN)
+    if listed is not None:
+        return listed
     if plain[:1] in (b"[", b"{", b"(") and b"x" not in plain:
         raise BadLineError(0, "numbers in a list may be decimal: write 0x before those in hex")
     try:
@@ -146,6 +185,7 @@ class _Lines(TextLog):
         self._bus = bus
         self._wall, self._day = WallClock(), DayClock()
         self.zoneless = self.dateless = self.timed = self.cut_off = False
+        self._spelling = Spelling()
         self.talk = 0
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
@@ -158,7 +198,7 @@ class _Lines(TextLog):
             stamp, parts = said or (None, ())
             for direction, text in parts:
                 try:
-                    data = _data(text)
+                    data = _data(direction, text, self._spelling)
                 except BadLineError as error:
                     if not is_last:
                         raise DamagedLine(number, f"{quoted(line)}: {error.why}") from None

@@ -212,8 +212,14 @@ def _shown(data: bytes) -> bytes:
 
 
 def _refuse_colours(lines: list[bytes]) -> None:
-    if _COLOUR.search(lines[0]) and _strong([_COLOUR.sub(b"", line) for line in lines]):
+    if not any(map(_COLOUR.search, lines[:FIRST_LINES])):
+        return
+    plain = [_COLOUR.sub(b"", line) for line in lines]
+    if _strong(plain):
         raise refused("a dump with terminal colours", "dump it without them: `xxd -R never`")
+    if labelled.is_log(plain[:FIRST_LINES]):
+        without = r"remove them: `sed 's/\x1b\[[0-9;]*m//g' < FILE | sniffer decode -`"
+        raise refused("a log with terminal colours", without)
 
 
 def _refuse_bits(lines: list[bytes]) -> None:

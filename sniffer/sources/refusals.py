@@ -138,6 +138,7 @@ _LOGS: Final = tuple(
         ),
         (_PREFIXED + rb" " + _SOME, _TIMED, _LINES),
         (rb"\d{9,}\.\d+ [0-9a-f]+: ", _TIMED, _LINES),
+        (rb"\[?\d{1,16}\]?[ :,;\t]+[\[(]?(?:[TtRr][Xx]|SEND|RECV|READ|WRITE)\b", _TIMED, _LINES),
         (rb"(?:Host|Device) *-->", _SPOKEN, _LINES),
         (rb"\d+,.*,IRP_MJ_|#,Time,|#\d+ +(?:Write|Read)\b", "a log of a port monitor", _LINES),
         (rb"\d{6}: .*\((?:UP|DOWN)\)", "a log of a port monitor", _LINES),
