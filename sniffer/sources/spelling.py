@@ -58,6 +58,7 @@ class Spelling:
             return bytes(map(int, numbers))
         if not self._radix and (found["open"] or any(len(number) == 1 for number in numbers)):
             return None
+        self._radix = _HEX  # from here on: pairs of digits are hex where nothing was decimal before
         return self._hex(numbers)
 
     def _hex(self, numbers: Sequence[bytes]) -> bytes | None:
