@@ -198,10 +198,11 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
     # what one leaves and another one joins is longer than either; a line of text has any digits
     if not ended or d.length <= max(len(max(begun, key=len)), len(max(ended, key=len))):
         return False
+    least = min(map(len, begun))  # a line that lost its end goes on with the next one
     return any(
         b != a
         and d.length not in (len(a), len(b))
-        and d.length < len(a) + len(b)  # longer than both in a row there is something between
+        and d.length < least + len(b)  # longer than both in a row there is something between
         and alike(back, a[::-1]) < alike(back, b[::-1])
         for a in begun
         for b in ended
