@@ -11,10 +11,10 @@ import pytest
 from sniffer.diagnosis.clocks import clock_of
 from sniffer.diagnosis.uart import heard as as_heard
 from sniffer.diagnosis.uart import sent
-from sniffer.ground.model import Direction
+from sniffer.ground.model import Clock, Direction
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
-from tests.servos import BEGAN_NS, heard
+from tests.servos import BEGAN_NS, heard, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_findings import volts
 from tests.test_diagnosis_tap import one_wire
@@ -108,8 +108,15 @@ def test_an_overload_that_is_taken_back_at_once_while_its_joint_moves_on_is_none
     passing = heard(hastening(range(60, 63)), "mightyzap")
     assert {"device-overload", "overload-passes"} <= codes(passing)
     assert not passing.incidents()
+    assert not heard(hastening(range(60, 63)), "mightyzap", Clock.NONE).incidents()
     lasting = heard(hastening(range(60, 120)), "mightyzap")
     assert verdicts(lasting.incidents()) == [("overload", (1,))]
+
+
+def test_two_that_bear_too_much_within_a_second_share_no_low_supply() -> None:
+    told = suffering("mightyzap", "overload:1@2s overload:2@2.6s", 7.0)
+    assert "complaints-together" in codes(told)
+    assert {cause for cause, _ in verdicts(told.incidents())} == {"overload"}
 
 
 def test_a_goal_that_is_there_for_a_moment_only_leaves_no_joint_stuck() -> None:

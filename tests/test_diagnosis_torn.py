@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.diagnosis.damage import IN_REQUEST, Damage
+from sniffer.diagnosis.rules.crossings import is_two
 from tests.conversations import Conversation, robot, through_usb, without_clock
+from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
@@ -352,3 +355,19 @@ def test_two_of_many_torn_places_that_end_low_are_no_line_that_is_held() -> None
             talk.say(answer)
             talk.rest(2)
     assert "held-low" not in codes(talk.diagnosed())
+
+
+def test_two_torn_lines_in_a_row_are_not_two_requests_at_once() -> None:
+    def at_once(got: bytes, *firsts: bytes) -> bool:
+        place = Damage(0, len(got), 0, 0, IN_REQUEST, 1, got, b"", ())
+        return is_two(place, firsts, (b"#3D120\r",), 1)
+
+    assert at_once(b"#1D12#3D120\r", b"#1D1205\r")
+    assert not at_once(b"#1D{70\r#2D\xff120\r", b"#1D5\r", b"#1D-1205T900\r")
+
+
+def test_rounds_cross_little_where_far_more_is_torn_than_they_cross() -> None:
+    talk = two_rounds(31, 43, apart_ms=0)
+    torn = [replace(c, data=c.data + c.data[:-1]) for c in talk.chunks]
+    crossing = [f for f in found(talk.diagnosed(torn)) if f.code == "rounds-cross"]
+    assert [f.strength < 0.5 for f in crossing] == [True]

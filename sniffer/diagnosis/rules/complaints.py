@@ -26,12 +26,13 @@ FINDINGS: Final = (
         "device",
         "Several servos complain of the same within moments.",
         "Two servos and more, a half of those that answer, report one alarm within a second of each other.",
+        is_manner=True,
     ),
     FindingCode(
         "overload-passes",
         "device",
         "A servo takes its overload back at once, and moves on: it works hard where its goals go fast.",
-        "Every overload alarm is over within half a second, and around each the joint moves by twice what counts as far from a goal.",
+        "Every overload alarm is over within half a second (without times an eighth, counted from the bytes), and around each (without times, during each) the joint moves by twice what counts as far from a goal; nor is it away from its goals later on.",
     ),
 )
 
@@ -63,6 +64,9 @@ SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 
 PASSES_NS: Final = NS // 2
 """A motor that starts hard, or hastens behind its goals, is over it in so long; who bears too much is not."""
+
+PAUSES: Final = 4
+"""Pauses are not in bare bytes: a line that speaks for a quarter of the time is as long so many times."""
 
 TORN: Final = 40
 BY_CHANCE: Final = 0.2
@@ -133,16 +137,18 @@ def _commanded(case: Case, servo: int, t_ns: int) -> str:
 
 def overload_passes(case: Case) -> Iterator[Finding]:
     """Overloads that servos take back at once while they move on."""
-    for servo in case.servos if case.has_clock else ():
+    passes_ns = PASSES_NS if case.has_clock else PASSES_NS // PAUSES
+    around_ns = NS if case.has_clock else 0
+    for servo in case.servos:
         told = case.anomalies("device-overload", servo_id=servo)
         back = case.anomalies("device-recovered", servo_id=servo).t_ns
         joint = track(case, servo)
-        if not len(told) or joint is None:
+        if not len(told) or joint is None or any(a.last_ns > told.t_ns[0] for a in joint.away):
             continue
         row = np.searchsorted(back, told.t_ns, "right")
-        if (row >= len(back)).any() or (back[row] - told.t_ns > PASSES_NS).any():
+        if (row >= len(back)).any() or (back[row] - told.t_ns > passes_ns).any():
             continue
-        low, high = in_force(joint.position, told.t_ns - NS, back[row] + NS)
+        low, high = in_force(joint.position, told.t_ns - around_ns, back[row] + around_ns)
         if (high - low < 2 * joint.far).any():
             continue
         longest = max(float((back[row] - told.t_ns).max()) / 1e6, 1)

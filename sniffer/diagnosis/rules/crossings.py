@@ -129,10 +129,10 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         d
         for d in torn
         if d.turn == IN_REQUEST and d.at not in signed(case)
-        if _is_two(d, _begun(case, d, known), known, shared)
+        if is_two(d, _begun(case, d, known), known, shared)
     ]
     answers = [
-        d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
+        d for d in torn if d.turn == IN_REPLY and d.alike and is_two(d, d.alike, known, shared)
     ]
     every = sorted((*into, *answers), key=lambda d: d.at)
     requests = sum(d.turn == IN_REQUEST for d in torn)
@@ -188,7 +188,7 @@ def _begun(case: Case, d: Damage, known: Sequence[bytes]) -> Sequence[bytes]:
     return [q for q in known if alike(d.got, q) > most]
 
 
-def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared: int) -> bool:
+def is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared: int) -> bool:
     """Tell whether bytes begin as one frame and end as another, and are neither nor both."""
     begun = [a for a in firsts if alike(d.got, a) >= max(HEAD, shared + 1)]
     if not begun:
@@ -198,10 +198,11 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
     # what one leaves and another one joins is longer than either; a line of text has any digits
     if not ended or d.length <= max(len(max(begun, key=len)), len(max(ended, key=len))):
         return False
+    least = min(map(len, begun))  # a line that lost its end goes on with the next one
     return any(
         b != a
         and d.length not in (len(a), len(b))
-        and d.length < len(a) + len(b)  # longer than both in a row there is something between
+        and d.length < least + len(b)  # longer than both in a row there is something between
         and alike(back, a[::-1]) < alike(back, b[::-1])
         for a in begun
         for b in ended

@@ -58,7 +58,7 @@ FINDINGS: Final = (
         "strays-at-turn",
         "line",
         "Single bytes of nobody stand where the direction changes: between a request and its answer, or right behind a frame.",
-        "Three of them or more, and three times as many as elsewhere between frames; or nearly all of them behind requests, where chance leaves some behind answers; or bytes that were pushed out of answers without a header.",
+        "Three of them or more, one for fifty torn frames, and three times as many as elsewhere between frames; or nearly all of them behind requests, where chance leaves some behind answers; or bytes that were pushed out of answers without a header.",
     ),
     FindingCode(
         "strays-anywhere",
@@ -257,7 +257,7 @@ def strays(case: Case) -> Iterator[Finding]:
     seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in STRAYS})
     shown = ", ".join(seen[:4])
     both = at_turn | idle
-    if turns >= LEAST and turns >= 3 * between:
+    if turns >= max(LEAST, FEW * torn, 3 * between):  # of many torn frames a few leave some, too
         yield _damage(
             case,
             at_turn,

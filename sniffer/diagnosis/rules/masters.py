@@ -40,7 +40,8 @@ FINDINGS: Final = (
         "Requests of one round stand between those of another, now here and now there.",
         "A dozen times and more a request stands between two of which one usually follows the other, where it follows "
         "neither usually, and no other usually follows it: at three places or more, of several requests, no one of "
-        "which has a place of its own. It counts little where less is torn than by two who do not listen.",
+        "which has a place of its own. It counts little where less is torn than by two who do not listen, or ten times "
+        "as much as stands so: they miss each other oftener than they meet.",
     ),
 )
 
@@ -89,6 +90,10 @@ PLACES: Final = 3
 OWN: Final = 2 / 3
 """Part of the crossings that one place may have, or each request at a place of its own: what a loop asks in
 turn, or in each tenth round, it asks at the same place."""
+
+MET_MORE: Final = 10
+"""Torn places for each request between others, up to which they may be of two who do not listen; where
+more is torn, requests are missing from the order, and what is altered stands in it."""
 
 _NEAR: Final = 2
 """Bins beside the fullest one that are the same period: 3 %."""
@@ -190,13 +195,14 @@ def rounds_cross(case: Case) -> Iterator[Finding]:
     times = sum(found)
     if not times:
         return
+    torn = int(case.damage["n"].sum())
     yield _finding(
         case,
         "rounds-cross",
         times,
         f"{times} requests stand between two of another round, now here and now there; "
-        f"{int(case.damage['n'].sum())} torn places",
-        strength=1.0 if do_meet(case, times) else TIMERS,
+        f"{torn} torn places",
+        strength=1.0 if do_meet(case, times) and torn <= MET_MORE * times else TIMERS,
         brief="requests of two rounds stand between each other",
     )
 

@@ -13,7 +13,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.twins import of_twins
-from sniffer.ground.model import NEVER_NS, NS
+from sniffer.ground.model import MS, NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,6 +47,12 @@ FINDINGS: Final = (
         "A servo is away for about as long each time.",
         "At least four silences of several requests, none shorter than a quarter of the longest.",
     ),
+    FindingCode(
+        "back-too-soon",
+        "pairing",
+        "A servo that misses requests answers again sooner than any servo starts.",
+        "At least four silences, of which more are of one request than a start of 60 ms would leave; the next answer tells how far requests to it are apart. Needs times.",
+    ),
 )
 
 LEAST: Final = 3
@@ -67,6 +73,9 @@ SHORTER: Final = 4
 MANY_SHORT: Final = 0.2
 """Silences that tell, how many times shorter than the longest a short one is, and which part of
 them is short where they are of all lengths: who starts anew takes about as long each time."""
+
+START_NS: Final = 60 * MS
+"""No servo here starts sooner: wCK names 65 ms, and has the shortest start."""
 
 TORN_ONLY: Final = 0.25
 """How much it counts where every lost answer is torn and none is missing: what is away for longer
@@ -267,6 +276,35 @@ def lengths(case: Case) -> Iterator[Finding]:
         )
 
 
+def sooner_than_a_start(case: Case) -> Iterator[Finding]:
+    """Find servos that are away for too short a time for a start.
+
+    It begins anywhere between two requests, and hides one alone only where it is over before the
+    next but one: what comes behind such a one tells how far requests to the servo are apart.
+    """
+    for servo in case.answering if case.has_clock else ():
+        runs = case.ledger.silences.runs(servo)
+        alone = [(run.back_ns or 0) - run.first_ns for run in runs if run.missed == 1]
+        gaps = np.array(alone, np.float64)
+        if len(runs) < RUNS or not len(gaps):
+            continue
+        before, behind = gaps[:, None], gaps[None, :]
+        left = np.clip(before + behind - START_NS, 0, before)
+        chance = at_least(len(gaps), len(runs), float(left.mean() / max(gaps.mean(), 1.0)))
+        if chance > CHANCE:
+            continue
+        yield Finding(
+            "back-too-soon",
+            servo,
+            runs[0].first_ns,
+            runs[-1].back_ns or 0,
+            len(gaps),
+            f"{len(gaps)} of {len(runs)} silences of servo {servo} are one request long, and it "
+            f"answers {np.median(gaps) / 1e6:.0f} ms later: a start takes {START_NS // MS} ms or more",
+            strength=sureness(chance),
+        )
+
+
 def _group(
     case: Case, bad: list[LostAnswers], lost: list[LostAnswers]
 ) -> tuple[list[LostAnswers], list[LostAnswers]]:
@@ -321,5 +359,5 @@ def _shared(group: list[LostAnswers]) -> list[int]:
     return sorted(out) if len(out) > 1 else []
 
 
-RULES: Final[tuple[Rule, ...]] = (losses, lengths)
+RULES: Final[tuple[Rule, ...]] = (losses, lengths, sooner_than_a_start)
 """The rules of this area."""

@@ -70,6 +70,7 @@ WEIGHTS: Final = (
         ("away-again-and-again", 3.5, "it goes away again and again, for about as long"),
         ("misses-now-and-then", 1.5, "it alone misses requests, without damage"),
         ("away-unevenly", -2.5, "who starts anew takes as long each time"),
+        ("back-too-soon", -3.0, "it is back before it could have started"),
         ("away-alike", 1.0, "who starts anew takes as long each time"),
         ("back-at-defaults", 2.0, "it is back with registers as after power-on"),
         ("torque-gone", 1.6, "its torque is off by itself"),
