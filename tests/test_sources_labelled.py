@@ -118,6 +118,9 @@ def test_numbers_whose_radix_nothing_proves_are_no_bytes() -> None:
     _, message = until_damage(line * 9 + b"RX: 00 A4\n")
     assert "line 10" in message
     assert "'0' has one digit, '00' a zero in front" in message
+    _, message = until_damage(b"TX: 10 20 30 40\n" * 9 + b"TX: 255 160 0 32\n")
+    assert "line 10" in message
+    assert "the lines before it are hex" in message
 
 
 def test_milliseconds_since_it_was_switched_on_are_seconds() -> None:
