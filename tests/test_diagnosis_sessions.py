@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import math
 import random
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
+from sniffer.diagnosis.buckets import BUCKET_NS
+from sniffer.diagnosis.cycles import LONGER
+from sniffer.diagnosis.exchanges import Pause
+from sniffer.diagnosis.rules.timing import usual_around
+from sniffer.ground.model import MS, Direction
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x, wck
@@ -173,3 +180,36 @@ def test_who_is_sent_back_from_where_it_sank_has_its_time_from_then_on() -> None
             talk.rest(100)
             talk.read(2, 0.1)
     assert not talk.diagnosed().incidents()
+
+
+def test_the_last_rest_of_a_slower_gait_is_as_long_as_those_before_it() -> None:
+    """A cycle of many servos lies across quarter seconds: half of them have no rest of it."""
+    rests = np.array([395, 7] * 8 + [392] + [188, 187, 7, 190] * 8) * MS
+    line = {"bucket": np.arange(len(rests)), "pause_max": rests}
+    last = Pause(392 * MS, 16 * BUCKET_NS - 200 * MS, 0, 0, 0)
+    case: Any = SimpleNamespace(line=line, latency_ns=0)
+    assert usual_around(case, last) > 390 * MS
+    assert usual_around(case, last._replace(t_ns=40 * BUCKET_NS)) < 392 * MS / LONGER
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_contact_that_is_loose_for_seconds_of_a_run_is_no_clock(protocol: str) -> None:
+    """It is asked seldom in the rest of the run, and often in a gait: it answers between."""
+    opens = ((80.0, 80.3), (80.65, 81.15), (81.35, 81.6), (82.05, 82.45), (82.65, 83.05))
+    talk = Conversation(protocol)
+    for begin, rate, end in ((0, 1, 60), (60, 10, 100), (100, 1, 160)):
+        for cycle in range(rate * (end - begin)):
+            talk.until(begin + cycle / rate)
+            for servo in (1, 2, 3):
+                place = swinging(servo, talk.now_s)
+                into = [talk.now_s - a for a, b in opens if a <= talk.now_s < b]
+                if servo != 2 or not into:
+                    talk.read(servo, place)
+                elif into[0] < 0.1:  # it opens within an answer
+                    talk.say(talk.tongue.ask(servo), Direction.TX)
+                    talk.rest(0.3)
+                    talk.say(talk.tongue.answer(servo, place)[:-3], Direction.RX)
+                    talk.rest(25)
+                else:
+                    talk.ask_in_vain(servo)
+    assert verdicts(talk.diagnosed().incidents()) == [("bad-cable", (2,))]

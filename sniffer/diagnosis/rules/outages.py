@@ -84,6 +84,9 @@ than an answer takes misses requests, too."""
 IN_A_ROW: Final = 2.5
 """Losses of a servo that are no further apart than so many of its turns are of one moment."""
 
+SOON: Final = 1 / 8
+"""Part of a turn in vain within which the torn answer comes that ended a silence."""
+
 ALONE: Final = 1e-6
 """How likely it may be that of losses of all a row is of one servo, for that row to be its own."""
 
@@ -122,7 +125,8 @@ class LostAnswers:
         asked = max(self.ok + self.bad, 1)
         self.turn_ns = (case.last_ns - case.first_ns) / asked
         runs = case.ledger.silences.runs(servo)
-        self._silences = np.array([(s.first_ns, s.back_ns or NEVER_NS) for s in runs], np.int64)
+        rows = [(s.first_ns, s.back_ns or NEVER_NS, s.missed) for s in runs]
+        self._silences = np.array(rows, np.int64)
 
     @property
     def share(self) -> float:
@@ -138,12 +142,16 @@ class LostAnswers:
         """Tell of losses (sorted) which are not of the same moment as the one before.
 
         Who asks in vain waits longer than behind an answer: a silence is one moment, however long.
+        What is lost behind it, and not right when it ended, is another one: it answered between.
         """
         far: Mask = np.diff(times) > IN_A_ROW * self.turn_ns
         if len(self._silences):
             which = np.searchsorted(self._silences[:, 0], times, "right") - 1
-            within = times < self._silences[np.maximum(which, 0), 1]
-            far &= (which[1:] != which[:-1]) | (which[1:] < 0) | ~within[1:]
+            first, back, missed = self._silences[np.maximum(which, 0)].T
+            within = (which >= 0) & (times < back)
+            is_same = (which[1:] == which[:-1]) & within[1:]
+            turn = (back - first) / missed
+            far = (far & ~is_same) | (within[:-1] & (times[1:] > (back + SOON * turn)[:-1]))
         return far
 
     def within(self, times: I64) -> float:

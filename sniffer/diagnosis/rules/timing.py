@@ -109,6 +109,9 @@ AROUND_NS: Final = 4 * NS
 MOSTLY: Final = 0.7
 """What is usual around a pause: what most of so much time on each side has at most."""
 
+SIDE: Final = 4
+"""Quarter seconds that tell what was usual before a pause, or behind it."""
+
 PERSON_NS: Final = NS // 2
 """Nobody stops a program and starts it again within half a second: what is longer may be a person's
 doing, unless it happens time and again and never lasts long."""
@@ -224,7 +227,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     planned = steps(case, longer) | turns(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
-    stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
+    stalls = [p for p in stalls if p.sure_ns >= LONGER * usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
         return
@@ -263,17 +266,21 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     )
 
 
-def _usual_around(case: Case, pause: Pause) -> float:
-    """Return how long the longest rests of the quarter seconds around a pause mostly are.
+def usual_around(case: Case, pause: Pause) -> float:
+    """Return how long the longest rests of the quarter seconds before, behind or around a pause mostly are.
 
-    A program that does one thing, then another, has another cycle there.
+    A program that does one thing, then another, has another cycle there; the last rest of a slower
+    one is as long as those before it.
     """
     line = case.line
-    first = np.searchsorted(line["bucket"], (pause.t_ns - AROUND_NS) // BUCKET_NS)
-    last = (pause.t_ns + pause.sure_ns + AROUND_NS) // BUCKET_NS
-    rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
-    rests = rests[rests > 0]
-    return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
+    begin, end = pause.t_ns, pause.t_ns + pause.sure_ns + 2 * case.latency_ns
+    edges = np.array([begin - AROUND_NS, begin + BUCKET_NS, end + BUCKET_NS, end + AROUND_NS])
+    at = np.searchsorted(
+        line["bucket"], edges // BUCKET_NS
+    )  # a bucket has the rest that ends in it
+    sides = [line["pause_max"][a:b] for a, b in (at[:2], at[2:], at[::3])]
+    mostly = [np.quantile(s, MOSTLY) for s in (side[side > 0] for side in sides) if len(s) >= SIDE]
+    return float(max(mostly, default=0.0))
 
 
 def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:
