@@ -10,6 +10,7 @@ from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.motors import strength_of
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
+from sniffer.ground.model import NS
 from tests.conversations import T0, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found
 
@@ -59,6 +60,26 @@ def test_a_cause_that_is_a_manner_of_something_else_is_no_rival_either() -> None
     causes = [c.cause for c in explained.causes]
     assert "turnaround" not in causes
     assert all(f.code in WEIGHTS[causes[0]] for f in explained.findings)
+
+
+def apart(code: str, servo_id: int, first_s: float, last_s: float = 100) -> Finding:
+    begin, end = T0 + round(first_s * NS), T0 + round(last_s * NS)
+    return Finding(code, servo_id, begin, end, 20, code)
+
+
+def test_a_battery_that_empties_is_low_for_one_servo_after_the_other_and_one_fault() -> None:
+    (one,) = explain([apart("voltage-sag", servo, 10 * servo) for servo in (1, 2, 3)])
+    assert one.servo_ids == (1, 2, 3)
+    later = [apart("voltage-sag", 1, 10, 20), apart("voltage-sag", 2, 30, 40)]
+    assert [e.servo_ids for e in explain(later)] == [(1,), (2,)]
+
+
+def test_who_fell_silent_in_one_moment_is_of_one_incident_whenever_each_is_missed() -> None:
+    limp = [apart("joint-limp", 1, 18), apart("joint-limp", 2, 25)]
+    assert [e.servo_ids for e in explain(limp)] == [(1,), (2,)]
+    silent = [apart("away-for-a-while", servo, 19.5, 20) for servo in (1, 2)]
+    (one,) = explain([*limp, *silent])
+    assert one.servo_ids == (1, 2)
 
 
 def test_strays_at_the_turn_are_of_two_servos_with_one_id_where_there_are_two() -> None:

@@ -252,7 +252,6 @@ def _joined(found: list[Explained]) -> list[Explained]:
     """Join what one cause did to several servos: a supply that feeds them all is one."""
     out: list[Explained] = []
     for one in found:
-        first = min(f.first_ns for f in one.findings)
         cause = one.causes[0].cause
         twin = next(
             (
@@ -260,10 +259,7 @@ def _joined(found: list[Explained]) -> list[Explained]:
                 for k, other in enumerate(out)
                 if other.causes[0].cause == cause
                 and CAUSES[cause].of == SERVO
-                and (
-                    abs(min(f.first_ns for f in other.findings) - first) <= TOGETHER_NS
-                    or (_omits(one) and _omits(other))
-                )
+                and (_began_together(one, other) or (_omits(one) and _omits(other)))
             ),
             None,
         )
@@ -276,6 +272,21 @@ def _joined(found: list[Explained]) -> list[Explained]:
         servo_ids = tuple(sorted({*other.servo_ids, *one.servo_ids}))
         out[twin] = Explained(servo_ids, findings, other.causes, other.key)
     return out
+
+
+def _began_together(one: Explained, other: Explained) -> bool:
+    """Tell whether all began at once, or what is found alike: they fell silent in one moment.
+
+    A battery that empties is low for one servo before it is for the next.
+    """
+    first, second = (min(f.first_ns for f in e.findings) for e in (one, other))
+    return abs(first - second) <= TOGETHER_NS or any(
+        abs(f.first_ns - g.first_ns) <= TOGETHER_NS
+        or (_declared(f.code).is_of_supply and f.first_ns <= g.last_ns and g.first_ns <= f.last_ns)
+        for f in one.findings
+        for g in other.findings
+        if f.code == g.code and f.code in FINDINGS
+    )
 
 
 def _omits(one: Explained) -> bool:

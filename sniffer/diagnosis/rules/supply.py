@@ -27,12 +27,14 @@ FINDINGS: Final = (
         "device",
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
         "A voltage more than an eighth below what the servo has for most of the time, or its peers, and no less than it can speak with; it counts in full from a quarter on, or below the servo's own limit, and little where it is no deeper, over as soon as motors have started, and no complaint or silence goes with it. A lone such value less than about a fifth below the usual one is not told.",
+        is_of_supply=True,
     ),
     FindingCode(
         "supply-stays-low",
         "device",
         "A servo measures far less than its supply time after time.",
         "Four readings in a row and more, with none between that is higher, of which each is a quarter below what the servo has for most of the time, or its peers.",
+        is_of_supply=True,
     ),
     FindingCode(
         "supply-steady",

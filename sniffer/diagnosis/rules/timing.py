@@ -10,6 +10,7 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
+    ALIKE,
     CYCLES,
     EDGE,
     ITS_STEP,
@@ -227,7 +228,8 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     planned = steps(case, longer) | turns(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
-    stalls = [p for p in stalls if p.sure_ns >= LONGER * usual_around(case, p)]
+    stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
+    stalls = [p for p in stalls if not is_of_slower_loop(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
         return
@@ -266,21 +268,31 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     )
 
 
-def usual_around(case: Case, pause: Pause) -> float:
-    """Return how long the longest rests of the quarter seconds before, behind or around a pause mostly are.
+def _usual_around(case: Case, pause: Pause) -> float:
+    """Return how long the longest rests of the quarter seconds around a pause mostly are.
 
-    A program that does one thing, then another, has another cycle there; the last rest of a slower
-    one is as long as those before it.
+    A program that does one thing, then another, has another cycle there.
+    """
+    line = case.line
+    first = np.searchsorted(line["bucket"], (pause.t_ns - AROUND_NS) // BUCKET_NS)
+    last = (pause.t_ns + pause.sure_ns + AROUND_NS) // BUCKET_NS
+    rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
+    rests = rests[rests > 0]
+    return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
+
+
+def is_of_slower_loop(case: Case, pause: Pause) -> bool:
+    """Tell whether a pause is as long as those before it mostly are, or as those behind it.
+
+    The last rest before a program goes on faster is, and has only that on its other side.
     """
     line = case.line
     begin, end = pause.t_ns, pause.t_ns + pause.sure_ns + 2 * case.latency_ns
-    edges = np.array([begin - AROUND_NS, begin + BUCKET_NS, end + BUCKET_NS, end + AROUND_NS])
-    at = np.searchsorted(
-        line["bucket"], edges // BUCKET_NS
-    )  # a bucket has the rest that ends in it
-    sides = [line["pause_max"][a:b] for a, b in (at[:2], at[2:], at[::3])]
-    mostly = [np.quantile(s, MOSTLY) for s in (side[side > 0] for side in sides) if len(s) >= SIDE]
-    return float(max(mostly, default=0.0))
+    edges = np.array([begin - AROUND_NS, begin, end, end + AROUND_NS]) // BUCKET_NS + (0, 1, 1, 1)
+    first, until, since, last = np.searchsorted(line["bucket"], edges)  # a rest is where it ends
+    sides = line["pause_max"][first:until], line["pause_max"][since:last]
+    usual = [np.quantile(s[s > 0], MOSTLY) for s in sides if (s > 0).sum() >= SIDE]
+    return bool(max(usual, default=0) >= (1 - ALIKE) * pause.sure_ns - 2 * case.latency_ns)
 
 
 def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:
