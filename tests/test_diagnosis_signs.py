@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING, Final
 
 import pytest
 
 from sniffer.diagnosis.signs import named_within
 from sniffer.diagnosis.uart import both, heard, sent
-from tests.conversations import robot, swinging, through_usb, without_clock
+from sniffer.ground.model import Direction
+from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
-from tests.streams import rs30x
+from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.diagnosis import Diagnosis
-    from tests.conversations import Conversation
 
 SERVOS: Final = (1, 4, 6, 9)
 NAMED: Final = ("lss", "rs30x")
@@ -192,3 +193,24 @@ def test_two_of_one_id_whose_heads_are_mixed_do_not_speak_for_another_id() -> No
     told = robot("rs30x", servos=(20, 32, 51), instead=instead, goals=False).diagnosed()
     assert (51,) in [servos for _, servos in verdicts(told.incidents())]
     assert "speaks-unasked" not in codes(told)
+
+
+def test_data_of_many_torn_answers_that_look_like_the_head_of_another_one_are_none() -> None:
+    """Position 08xx, speed 5, as servo 8 answers to three bytes; the last byte is misread."""
+    talk = Conversation("mightyzap", 57600)
+    rng = random.Random(4)
+    for cycle in range(600):
+        talk.until(cycle / 20)
+        for servo in (1, 2, 3, 8):
+            size = 3 if servo == 8 else 8
+            talk.say(mightyzap.packet(servo, 0xF2, bytes((0x8C, size))), Direction.TX)
+            talk.rest(0.3)
+            speed = rng.choice((5, 6, 7, 40, 41, 42, 43, 44))
+            place = 0x0700 + cycle if servo != 3 else 0x07F0 + cycle % 48
+            data = place.to_bytes(2, "little") + bytes((speed, 0, 0, 4, 0x79, 0x1D))
+            said = bytearray(mightyzap.packet(servo, 0, data[:size]))
+            if servo == 3 and rng.random() < 0.6:
+                said[-1] ^= 1 << rng.randrange(8)
+            talk.say(bytes(said), Direction.RX)
+            talk.rest(0.4)
+    assert "speaks-unasked" not in codes(talk.diagnosed())
