@@ -87,9 +87,9 @@ class _Laid(NamedTuple):
 class TextSink:
     """Writes to a stream, as wide as its terminal; elsewhere nothing is cut.
 
-    ``color`` None asks the stream whether it is a terminal; ``times`` is ``ABSOLUTE`` or another;
-    ``waits`` is how long a line waits for those that other buses may have before it; ``buses``
-    are those of which something will come, as far as that is known.
+    ``color`` None asks the stream whether it is a terminal; ``times`` is ``ABSOLUTE``,
+    ``RELATIVE`` or ``DELTA``; ``waits`` is how long a line waits for those that other buses may
+    have before it; ``buses`` are those of which something will come, as far as that is known.
     """
 
     def __init__(
