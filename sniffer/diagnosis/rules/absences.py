@@ -29,7 +29,7 @@ FINDINGS: Final = (
         "away-for-long",
         "pairing",
         "A servo is silent for longer than any restart takes, while it is asked, and answers again.",
-        "At least ten seconds and five requests in a row without an answer: manuals have restarts of three seconds at most, and a supply that sags is back in moments. It hung until it was switched off, or was unplugged.",
+        "At least ten seconds and five requests in a row without an answer: the longest restart known of these servos takes three (RS30x, by how long its clients wait), and a supply that sags is back in moments. It hung until it was switched off, or was unplugged.",
     ),
     FindingCode(
         "away-without-a-tear",
