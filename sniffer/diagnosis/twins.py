@@ -299,9 +299,12 @@ def _torn_by_twins(case: Case) -> Set[int]:
 
 
 def _is_left_behind(case: Case, d: Damage) -> bool:
-    """Tell whether bytes stand right behind a bare answer: what a second one has more than that."""
+    """Tell whether bytes stand right behind a bare answer: what a second one has more than that.
+
+    Behind a torn request stands its own answer.
+    """
     behind = case.has_bare_answers and d.turn == IN_IDLE and d.behind == RESPONSE
-    return behind and d.length <= case.ledger.answer_length
+    return behind and d.length <= case.ledger.answer_length and d.at not in heard(case).answers
 
 
 def _begin_with_pulses(case: Case, servo: int, since_ns: int) -> bool:
