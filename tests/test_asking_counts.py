@@ -178,10 +178,7 @@ def test_a_recording_of_frames_alone_would_be_a_lie(tmp_path: Path, capsys: Caps
     assert (ran.status, ran.complaint) == (2, told)
 
 
-def test_two_runs_are_compared_in_what_is_selected(
-    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "1000")  # whatever the paths are, a line is a line
+def test_two_runs_are_compared_in_what_is_selected(capsys: Capsys) -> None:
     ran = within(capsys, "diff", CLEAN, DAMAGED, "--servo", "1", "--from", "1", "--to", "3")
     first, a, b = ran.out.splitlines()[:3]
     assert first == "of each what is selected: servo_id = 1; from second 1 to second 3"

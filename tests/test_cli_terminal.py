@@ -21,7 +21,7 @@ Capsys = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
 
 
-def on_a_terminal(*arguments: str | Path, **env: str) -> str:
+def on_a_terminal(*arguments: str | Path, status: int = 0, **env: str) -> str:
     """Run a command whose output is a terminal, and return what that was sent."""
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
@@ -42,7 +42,7 @@ def on_a_terminal(*arguments: str | Path, **env: str) -> str:
             if not got:
                 break
             sent += got
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(PATIENCE_S) == status
     finally:
         os.close(ours)
     return sent.decode().replace("\r\n", "\n")

@@ -254,9 +254,8 @@ def test_runs_without_a_bus_in_common_are_a_mistake(tmp_path: Path, capsys: Caps
 
 
 def test_a_bus_that_is_named_of_each_run_is_compared_with_the_other(
-    tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: Capsys
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "1000")  # whatever the paths are, a line is a line
     one, other = (run(tmp_path / f"{n}.log", n, cycles=30) for n in (1, 2))
     alone = within(capsys, "diff", one, other, "-q")
     for name, log, buses in (("x.log", one, ("arm", "b")), ("y.log", other, ("c", "left"))):

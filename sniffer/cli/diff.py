@@ -77,9 +77,11 @@ def diff(
     if output_format == "json":
         click.echo(json.dumps(done.as_dict()))
     else:
-        from sniffer.sinks.consoles import console_for, folded, room_in
+        from sniffer.sinks.consoles import console_for, folded
 
-        click.echo("\n".join(folded(done.lines(), room_in(console_for()))))
+        console = console_for()
+        room = console.width if console.file.isatty() else None
+        click.echo("\n".join(folded(done.lines(), room)))
     if status := status_of(done.ending, is_lost=bool(done.gone)):
         return status
     return 0 if done.equal else 1
