@@ -307,48 +307,6 @@ def test_only_what_is_shown_fails_a_build(capsys: Capsys) -> None:
     assert within(capsys, *asked, "--code", "no-response").status == 1
 
 
-def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
-    ran = within(capsys, "explain", f"{CAPTURE}@12175")
-    assert ran.status == 0
-    assert "request: load_data, servo 1" in ran.out
-    assert "response: load_data, servo 1" in ran.out
-    assert ran.out.index("at byte 12164") < ran.out.index("at byte 12173")
-    gap = within(capsys, "explain", f"{CAPTURE}@99999")
-    assert (gap.status, gap.complaint) == (
-        2,
-        f"{CAPTURE}: there is no byte 99999: it has bus0 18442",
-    )
-    assert within(capsys, "explain", "run@x").complaint.startswith("'@x': there is no such place")
-    assert within(capsys, "explain", "@12").complaint.endswith("as FILE@12175")
-
-
-def test_a_byte_is_explained_with_what_was_found_there(capsys: Capsys) -> None:
-    told = within(capsys, "decode", CAPTURE, "--format", "jsonl").out
-    found = [r for r in map(json.loads, told.splitlines()) if r["type"] == "anomaly"]
-    for one in found[::7]:
-        at = one["evidence"][0][0]
-        for place in (str(at), f"bus0:{at}"):
-            head, *_ = within(capsys, "explain", f"{CAPTURE}@{place}").out.splitlines()
-            assert f"{one['code']}: {one['detail']}" in head
-
-
-def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsys: Capsys) -> None:
-    rows = told(capsys, "--code", "bad-checksum")[:-1]
-    assert [row["servo_id"] for row in rows] == [1, 1]
-    places = ("bad-checksum:1", "bad-checksum:2", "bad-checksum:2:servo=1")
-    for place, row in zip(places, [*rows, rows[1]], strict=True):
-        ran = within(capsys, "explain", f"{CAPTURE}@{place}")
-        (at, _), *_ = row["evidence"]
-        head, what, *rest = ran.out.splitlines()
-        assert head == f"{CAPTURE}, byte {at} of bus0"
-        assert what == f"bad-checksum: {row['detail']}"
-        byte = within(capsys, "explain", f"{CAPTURE}@{at}")
-        assert (ran.status, rest) == (1, byte.out.splitlines()[1:])
-    nothing = within(capsys, "explain", f"{CAPTURE}@bad-checksum:9")
-    assert (nothing.status, nothing.out) == (2, "")
-    assert nothing.complaint == "@bad-checksum:9: the capture has 2 of them"
-
-
 def test_a_line_that_is_there_for_a_value_says_that_value_and_no_other(
     whole: list[dict[str, Any]], capsys: Capsys
 ) -> None:
@@ -394,25 +352,3 @@ def test_a_part_that_has_an_anomaly_and_not_a_byte_is_told_as_it_is(
         "mightyzap",
     )
     assert ran.status == 0, ran.err
-
-
-def test_seconds_count_from_the_first_byte_that_may_lie_long_before_the_first_stamp(
-    tmp_path: Path, capsys: Capsys
-) -> None:
-    exchange = "FFFFFF0102F10BFFFFFF010200FC"
-    log, part = tmp_path / "held.log", tmp_path / "part.log"
-    log.write_text(
-        f"(1795215306.500000) bus0 #{exchange * 66}\n(1795215307.000000) bus0 #{exchange}\n"
-    )
-    rows = [row for row in told(capsys, file=log) if row["type"] == "frame"]
-    seconds = f"{(rows[9]['t_ns'] - rows[0]['t_ns']) / 1e9 + 0.0001:.6f}"
-    found = [
-        row
-        for row in told(capsys, "--from", "0", "--to", seconds, file=log)
-        if row["type"] == "frame"
-    ]
-    assert found == rows[: len(found)]
-    assert 8 <= len(found) <= 10
-    ran = within(capsys, "cut", log, "--from", "0", "--to", seconds, "-o", part)
-    assert ran.status == 0, ran.err
-    assert part.read_text().split("#")[1].startswith(exchange)

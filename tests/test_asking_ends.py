@@ -1,11 +1,16 @@
-"""Places by time: those that count back from the end, and what was said first from one on."""
+"""Places by time: where seconds count from, or back from, and what was said first from one on."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.commands import within
 from tests.test_asking import CAPTURE, Capsys, told
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @pytest.mark.parametrize(
@@ -67,3 +72,25 @@ def test_a_place_may_be_so_long_before_or_behind_what_is_found(
     assert f"byte {at[0]['offset']} of bus0" in drawn
     for wrong in ("@no-response:3-100", "@no-response-1x", "@first-error--1s"):
         assert within(capsys, "decode", CAPTURE, "--from", wrong).status == 2
+
+
+def test_seconds_count_from_the_first_byte_that_may_lie_long_before_the_first_stamp(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    exchange = "FFFFFF0102F10BFFFFFF010200FC"
+    log, part = tmp_path / "held.log", tmp_path / "part.log"
+    log.write_text(
+        f"(1795215306.500000) bus0 #{exchange * 66}\n(1795215307.000000) bus0 #{exchange}\n"
+    )
+    rows = [row for row in told(capsys, file=log) if row["type"] == "frame"]
+    seconds = f"{(rows[9]['t_ns'] - rows[0]['t_ns']) / 1e9 + 0.0001:.6f}"
+    found = [
+        row
+        for row in told(capsys, "--from", "0", "--to", seconds, file=log)
+        if row["type"] == "frame"
+    ]
+    assert found == rows[: len(found)]
+    assert 8 <= len(found) <= 10
+    ran = within(capsys, "cut", log, "--from", "0", "--to", seconds, "-o", part)
+    assert ran.status == 0, ran.err
+    assert part.read_text().split("#")[1].startswith(exchange)
