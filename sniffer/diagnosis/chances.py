@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-
-NOTHING = 40.0
+NOTHING: Final = 40.0
 """Terms whose log is less by that change nothing in the digits of a sum, however many there are."""
 
 
