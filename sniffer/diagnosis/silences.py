@@ -36,6 +36,11 @@ class Silence(NamedTuple):
     missed: int
     back_ns: int | None
 
+    @property
+    def lasted_ns(self) -> int:
+        """How long it was until an answer came again; 0 where none did."""
+        return 0 if self.back_ns is None else self.back_ns - self.first_ns
+
 
 class Silences:
     """Follows all servos request by request, by what became of them."""

@@ -127,10 +127,10 @@ def for_long(case: Case) -> Iterator[Finding]:
         long = [
             s
             for s in case.ledger.silences.runs(servo)
-            if s.missed >= ASKED and (s.back_ns or 0) - s.first_ns >= LONG_NS
+            if s.missed >= ASKED and s.lasted_ns >= LONG_NS
         ]
         if long:
-            took = max((s.back_ns or 0) - s.first_ns for s in long) / NS
+            took = max(s.lasted_ns for s in long) / NS
             what = f"servo {servo} answered nothing for {took:.0f} s, and then again"
             yield _told("away-for-long", servo, long, what, 1.0)
 

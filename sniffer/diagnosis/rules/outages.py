@@ -263,7 +263,7 @@ def lengths(case: Case) -> Iterator[Finding]:
         runs = case.ledger.silences.runs(servo)
         if len(runs) < RUNS:
             continue
-        spans = np.array([(run.back_ns or 0) - run.first_ns for run in runs])
+        spans = np.array([run.lasted_ns for run in runs])
         # one request in vain is a silence of no known length: it ends when the next one is made
         longest = int(
             max((s for s, run in zip(spans, runs, strict=True) if run.missed > 1), default=0)
@@ -292,7 +292,7 @@ def sooner_than_a_start(case: Case) -> Iterator[Finding]:
     """
     for servo in case.answering if case.has_clock else ():
         runs = case.ledger.silences.runs(servo)
-        alone = [(run.back_ns or 0) - run.first_ns for run in runs if run.missed == 1]
+        alone = [run.lasted_ns for run in runs if run.missed == 1]
         gaps = np.array(alone, np.float64)
         if len(runs) < RUNS or not len(gaps):
             continue

@@ -237,7 +237,7 @@ def _outages(case: Case, servo: int) -> list[Silence]:
 
 
 def _alike(away: Sequence[Silence]) -> bool:
-    spans = np.array([(s.back_ns or 0) - s.first_ns for s in away], np.int64)
+    spans = np.array([s.lasted_ns for s in away], np.int64)
     low, high = np.quantile(spans, (0.05, 0.95))
     return bool(high <= ALIKE * low)
 
@@ -256,8 +256,8 @@ def _mostly_short(case: Case, servo: int, away: Sequence[Silence]) -> bool:
 
 
 def _away(servo: int, away: Sequence[Silence]) -> Finding:
-    longest = max(away, key=lambda s: (s.back_ns or 0) - s.first_ns)
-    took_ms = ((longest.back_ns or 0) - longest.first_ns) / 1e6
+    longest = max(away, key=lambda s: s.lasted_ns)
+    took_ms = longest.lasted_ns / 1e6
     told = f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s"
     often = "once" if len(away) == 1 else f"{len(away)} times"
     most = "" if len(away) == 1 else "at most "
@@ -280,7 +280,7 @@ def _away(servo: int, away: Sequence[Silence]) -> Finding:
 
 
 def _again(servo: int, away: Sequence[Silence]) -> Finding:
-    spans = np.array([(s.back_ns or 0) - s.first_ns for s in away]) / 1e6
+    spans = np.array([s.lasted_ns for s in away]) / 1e6
     apart = np.diff([s.first_ns for s in away]) / NS
     return Finding(
         "away-again-and-again",
