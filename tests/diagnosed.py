@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from sniffer.diagnosis import Finding, Incident
+    from sniffer.protocols.base import BusProtocol
     from sniffer.simulation.talk import TrueFrame
 
 
@@ -22,7 +23,7 @@ def chunks_of(frames: Iterable[TrueFrame], clock: Clock = Clock.SAMPLE) -> list[
 
 
 def diagnosed(
-    chunks: Sequence[Chunk], protocol: str, group: int = 512, **options: Any
+    chunks: Sequence[Chunk], protocol: str | BusProtocol, group: int = 512, **options: Any
 ) -> Diagnosis:
     """Return the diagnosis of a capture, fed in groups of chunks."""
     diagnosis = Diagnosis()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from sniffer.ground.model import Chunk, Clock
+from tests import dynamixel
 from tests.conversations import (
     TONGUES,
     Conversation,
     robot,
 )
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
 PROTOCOLS = tuple(TONGUES)
@@ -203,3 +205,29 @@ def test_goals_beyond_limits_that_the_servo_told_are_out_of_range(
 @pytest.mark.parametrize(("protocol", "low", "high"), [("mightyzap", 0, 4095), ("wck", 0, 254)])
 def test_goals_within_the_limits_are_sound(protocol: str, low: int, high: int) -> None:
     assert not limited(protocol, low, high).diagnosed().incidents()
+
+
+@pytest.mark.parametrize(("goal", "beyond"), [(1000, False), (3500, True)])
+def test_limits_of_a_protocol_that_is_plugged_in_are_those_its_table_names(
+    goal: int, beyond: bool
+) -> None:
+    read, limits = (
+        dynamixel.packet(2, dynamixel.READ, b"\x06\x04"),
+        (0).to_bytes(2, "little") + b"\xb8\x0b",
+    )
+    goals = [
+        (
+            dynamixel.packet(2, dynamixel.WRITE, b"\x1e" + goal.to_bytes(2, "little")),
+            dynamixel.packet(2, 0),
+        )
+        for _ in range(20)
+    ]
+    chunks = [
+        Chunk(half, (10 * n + k) * 1_000_000, Clock.SAMPLE)
+        for n, exchange in enumerate([(read, dynamixel.packet(2, 0, limits)), *goals], 1)
+        for k, half in enumerate(exchange)
+    ]
+    told = found(diagnosed(chunks, dynamixel.Dynamixel1(), baud=115200))
+    assert [f.what for f in told if f.code == "goal-beyond-limits"] == (
+        ["servo 2 is sent to 307.6 deg, and its limits are 0 deg and 263.7 deg"] if beyond else []
+    )

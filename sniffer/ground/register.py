@@ -44,7 +44,8 @@ class Register:
     magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
     ``alarms`` those of ``values`` that report a fault.
     ``effect`` is what a write changes about the bus: servo_id, baud or feedback. ``on_with`` names
-    the register whose write brings this one to 1 by itself.
+    the register whose write brings this one to 1 by itself, ``bounds`` the quantity that is kept
+    between this one and another.
 
     Registers that go by a word (LSS) have more:
 
@@ -74,6 +75,7 @@ class Register:
     alarms: tuple[int, ...] = ()
     effect: str = ""
     on_with: str = ""
+    bounds: str = ""
     source: str = ""
     doubt: str = ""
     model: str = ""

@@ -276,6 +276,10 @@ def _agree(registers: Sequence[Register]) -> None:
             raise ValueError(f"register {r.name}: no register {r.scale_by[0]} to select its scale")
         if r.on_with and r.on_with not in names:
             raise ValueError(f"register {r.name}: no register {r.on_with} that switches it on")
+        if r.bounds and not any(g.quantity == r.bounds and g.unit == r.unit for g in registers):
+            raise ValueError(
+                f"register {r.name}: no {r.bounds} in {r.unit or 'steps'} that it bounds"
+            )
 
 
 def _identity(told: Any) -> Identity | None:

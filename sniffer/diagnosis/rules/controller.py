@@ -63,14 +63,6 @@ FINDINGS: Final = (
     ),
 )
 
-LIMITS: Final = (
-    ("short_stroke_limit", "long_stroke_limit"),
-    ("ccw_angle_limit", "cw_angle_limit"),
-    ("lower_boundary", "upper_boundary"),
-)
-"""Registers that bound a goal, by their names in the tables (mightyZAP, RS30x, wCK). LSS has none
-for angles: its angular range is for pulses and RC mode."""
-
 LOOP: Final = 8
 """Writes of one setting that no set-up needs: a person who tunes a gain tries a few."""
 
@@ -181,22 +173,23 @@ def _surely_beyond(goals: Series, rows: I64, low: float, high: float) -> int:
 
 def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float] | None:
     """Return the widest limits that the servo had, in the goal's unit; None: not both are known."""
-    for names in LIMITS:
-        found = [case.settings(name, servo_id=servo) for name in names]
-        if not all(len(rows) for rows in found):
-            continue
-        values = []
-        written = {at for rows in found for at in rows.at[rows.written == 1].tolist()}
-        if written and may_be_torn(case, len(written)):
-            continue  # an answer is to the question; a write may be any frame, torn and held
-        for rows in found:
-            for number, raw in zip(rows.what.tolist(), rows.after.tolist(), strict=True):
-                register = case.protocol.registers[number]
-                if register.unit == goal.unit and register.model == goal.model:
-                    values.append(raw * register.scale)
-        if len(values) >= 2 and min(values) < max(values):
-            return min(values), max(values)
-    return None
+    registers = case.protocol.registers
+    names = sorted(
+        {r.name for r in registers if r.bounds == goal.quantity and r.model == goal.model}
+    )
+    found = [case.settings(name, servo_id=servo) for name in names]
+    if not found or not all(len(rows) for rows in found):
+        return None
+    written = {at for rows in found for at in rows.at[rows.written == 1].tolist()}
+    if written and may_be_torn(case, len(written)):
+        return None  # an answer is to the question; a write may be any frame, torn and held
+    values = [
+        raw * registers[number].scale
+        for rows in found
+        for number, raw in zip(rows.what.tolist(), rows.after.tolist(), strict=True)
+        if registers[number].model == goal.model
+    ]
+    return (min(values), max(values)) if values and min(values) < max(values) else None
 
 
 def writes(case: Case) -> Iterator[Finding]:
