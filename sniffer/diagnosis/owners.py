@@ -38,9 +38,11 @@ if TYPE_CHECKING:
 LATEST_NS: Final = 20_000_000
 """What begins later behind a request is no answer to it, whosever."""
 
-SPANS_NS: Final = (*(round(5_000 * 2 ** (k / 2)) for k in range(12)), 300_000)
-"""Spans of time that are tried, each wider by the root of two. A servo's time to answer varies by
-300 us at most, between nine tenths of its answers."""
+JITTER_NS: Final = 300_000
+"""By how much a servo's time to answer varies at most, between nine tenths of its answers."""
+
+SPANS_NS: Final = (*(round(5_000 * 2 ** (k / 2)) for k in range(12)), JITTER_NS)
+"""Spans of time that are tried, each wider by the root of two."""
 
 LEAST: Final = 3
 """Places that make a pattern."""

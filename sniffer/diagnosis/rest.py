@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
-from sniffer.diagnosis.rules.symptoms import MISSING, SILENT
+from sniffer.diagnosis.rules.symptoms import SILENT
+from sniffer.diagnosis.silences import MISSING
 from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.kinds import RequestKinds
 
+BARE: Final = 2
+"""Bytes of an answer without a header (wCK), which cannot be told from what stands before it."""
+
 SIGN: Final = 2
 """Bytes at least by which the beginning of an answer tells whose it is."""
 

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import I64, Batch, Frames, Mask
 
+MISSING: Final = "no-response"
+"""The anomaly that each of these requests is."""
+
 LEAST: Final = 3
 """Requests in a row: one or two are lost on every line."""
 

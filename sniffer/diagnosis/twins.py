@@ -15,12 +15,12 @@ import numpy as np
 from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
-from sniffer.diagnosis.followed import followed
+from sniffer.diagnosis.followed import CHANCE, USUAL, followed
 from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
-from sniffer.diagnosis.owners import owner
+from sniffer.diagnosis.owners import JITTER_NS, owner
 from sniffer.diagnosis.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.stamps import grid_ns
 from sniffer.ground.codes import RESPONSE
@@ -52,19 +52,11 @@ STEADY: Final = 0.3
 
 STEADILY: Final = 1.0
 
-JITTER_NS: Final = 300_000
-"""By how much a servo's time to answer varies at most, between nine tenths of its answers."""
-
 NEAR_NS: Final = 3_000_000
 """What comes later behind an exchange is not its doing."""
 
 ALONE: Final = 0.75
 """Part of the places that must stand behind one servo's exchanges to be its."""
-
-USUAL: Final = 0.55
-"""Part of the exchanges that may be a servo's for what stands behind them to be its alone."""
-
-CHANCE: Final = 1e-6
 
 LEFT: Final = 0.5
 """Part of one servo's traces that another must have of its own to answer twice as well."""

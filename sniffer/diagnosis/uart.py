@@ -23,6 +23,9 @@ MIDDLE: Final = 0.53
 
 HIGH, LOW = 1, 0
 
+FALLS: Final = frozenset(0xFF << k & 0xFF for k in range(9))
+"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
+
 Edge = tuple[float, int]
 """From a time on the line has a level."""
 

@@ -11,8 +11,9 @@ from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT, OTHER
 from sniffer.diagnosis.rules.bits import bits_finding
-from sniffer.diagnosis.signs import beginnings
+from sniffer.diagnosis.signs import BARE, beginnings
 from sniffer.diagnosis.twins import torn_by_twins
+from sniffer.diagnosis.uart import FALLS
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -54,9 +55,6 @@ KNOWN: Final = 0.25
 PROMPT: Final = 0.1
 """Part of a byte time by which an answer must be later than any sound one to lack its beginning: a bit."""
 
-EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
-"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
-
 IN_FRONT: Final = 2
 """Bytes of an answer's beginning: what is there when the direction changes may hit the second, too."""
 
@@ -65,9 +63,6 @@ EITHER: Final = 0.5
 
 ENOUGH: Final = 1e-3
 """How likely it may be by chance where it counts in full."""
-
-BARE: Final = 2
-"""Bytes of an answer without a header."""
 
 
 def ends(case: Case) -> Iterator[Finding]:
@@ -101,7 +96,7 @@ def strays_before(case: Case) -> Iterator[Finding]:
         m
         for m in answers
         if 1 <= m.damage.length - len(m.damage.expected) <= 2
-        and m.damage.got[0] in EDGES
+        and m.damage.got[0] in FALLS
         and len(m.damage.expected) <= BARE
     ]
     alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1

@@ -12,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.twins import torn_answers
+from sniffer.diagnosis.uart import FALLS
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -88,9 +89,6 @@ FADES: Final = 5
 FADING: Final = 0.1
 """Quarters of a second with some falls, apart from those that are full of them, and how many there
 may be for each of those: what comes with the motors comes in every strength."""
-
-FALLS: Final = frozenset(0xFF << k & 0xFF for k in range(9))
-"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
 
 ONES: Final = 0.8
 """Part of the bits that are ones: in frames half of them are."""

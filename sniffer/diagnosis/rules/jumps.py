@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.returns import TURN
 from sniffer.diagnosis.steps import MILLI, SPEED
 from sniffer.diagnosis.tracks import FAR, in_force, track
 from sniffer.diagnosis.trips import trips
@@ -51,9 +52,6 @@ USUAL: Final = 0.5
 
 LEAST_SHARE: Final = 0.04
 """A jump is at least so much of the register's range, or of what was met, and more than play."""
-
-WRAPS: Final = 0.8
-"""A step of more than this share of the range is a turn that begins anew."""
 
 SOON_NS: Final = NS // 4
 """Within longer times a joint may well have been there and back."""
@@ -109,7 +107,7 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
     ways_back: set[int] = set()
     for k, s in enumerate(steps):
         size = s.size / MILLI
-        wraps = p.register.range is not None and size > WRAPS * span
+        wraps = p.register.range is not None and size > TURN * span
         least = max(AHEAD * usual, LEAST_SHARE * span, FAR.get(p.unit, 0.0))
         if size < least or wraps or s.at in ways_back:
             continue
@@ -136,7 +134,7 @@ def _trips(case: Case, servo: int, p: Series) -> Iterator[Leap]:
     joint = track(case, servo)
     least = max(LEAST_SHARE * _span(p), FAR.get(p.unit, 0.0)) * MILLI
     for out, back in trips(case, servo, p)[0]:
-        wraps = p.register.range is not None and out.size / MILLI > WRAPS * _span(p)
+        wraps = p.register.range is not None and out.size / MILLI > TURN * _span(p)
         before_ns = 2 * (back.t_ns - out.t_ns)
         is_told = joint is not None and joint.position.index == p.index
         was_told = joint is not None and is_told and _was_told(joint, out, before_ns)

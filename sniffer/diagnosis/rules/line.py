@@ -13,9 +13,9 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.held import FALLS
 from sniffer.diagnosis.rules.jumps import altered_bare
 from sniffer.diagnosis.twins import of_twins
+from sniffer.diagnosis.uart import FALLS
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted

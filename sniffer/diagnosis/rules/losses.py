@@ -14,6 +14,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.breaking import are_beginnings
 from sniffer.diagnosis.rules.order import Order
+from sniffer.diagnosis.signs import BARE
 from sniffer.ground.codes import REQUEST, RESPONSE
 
 if TYPE_CHECKING:
@@ -99,9 +100,6 @@ SOME_SHORT: Final = 0.25
 
 PART: Final = 0.3
 """Share of all damage that pieces without a beginning are where bytes are lost."""
-
-BARE: Final = 2
-"""Bytes of an answer that has no header (wCK)."""
 
 TURN: Final = 1e-2
 """How likely it is by chance that all stand behind requests, where they are hit there."""

@@ -16,6 +16,7 @@ from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.losses import only_at_the_turn
+from sniffer.diagnosis.signs import BARE
 from sniffer.diagnosis.twins import torn_answers
 
 if TYPE_CHECKING:
@@ -44,9 +45,6 @@ SHORTEST: Final = 2
 
 ALIKE: Final = 0.7
 """Part of the pieces that may lack equally many bytes: at a turn it is always the first one or two."""
-
-BARE: Final = 2
-"""Bytes of an answer without a header (wCK), which cannot be told from what stands before it."""
 
 EITHER: Final = 0.6
 """How much pieces count that lack no more than such an answer has, where no time tells of a hole."""

@@ -14,6 +14,7 @@ from sniffer.diagnosis.buckets import SERVOS
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.complaints import COMPLAINTS
+from sniffer.diagnosis.silences import MISSING
 from sniffer.diagnosis.twins import twins
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ SILENT: Final = frozenset(
     {"capture-start", "capture-end", "clock-step", "late-read", "reordered", "model-evidence"}
 )
 """Codes that tell nothing of a fault."""
-
-MISSING: Final = "no-response"
 
 SECOND: Final = "duplicate-response"
 """Where two servos share an id, and the second answers when the next servo was asked already, this is

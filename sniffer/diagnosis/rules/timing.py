@@ -29,6 +29,7 @@ from sniffer.diagnosis.cycles import (
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
+from sniffer.diagnosis.silences import MISSING
 from sniffer.ground.model import MS, NS, Clock, MarkKind
 from sniffer.ground.timing import byte_time_ns
 
@@ -85,8 +86,6 @@ FAILS_MOST: Final = 0.1
 """Share of cycles left out at each end: those in which something failed, which a timeout makes longer
 and the next one shorter. Where it is more, they are told from the others one by one: with so many
 left out nobody sees how uneven the others are."""
-
-MISSING: Final = "no-response"
 
 FREE_RUNNING_NS: Final = 6 * MS
 """A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
