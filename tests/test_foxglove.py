@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from sniffer.decoding.called import ServoNames
 from sniffer.ground.model import Severity
 from sniffer.messages.log_pb2 import Log
 from sniffer.sinks.foxglove import INCIDENTS, FoxgloveSink
@@ -118,18 +119,23 @@ def assert_stated(shown: list[Any], recorded: list[Any]) -> None:
 
 def test_what_becomes_of_an_incident_is_told_in_words() -> None:
     sink = FoxgloveSink(["bus0"], {}, "127.0.0.1", 0)
+    sink.call(ServoNames({2: "elbow"}))
     with FoxgloveClient(int(sink.address.rpartition(":")[2])) as client:
         told = client.got[INCIDENTS]
 
         def has_come() -> bool:
             client.look()  # it subscribes first: nobody is sent what was said before
-            sink.incident("bus0", START_NS, Severity.WARN, "bad-cable")
+            sink.incident("bus0", START_NS, Severity.WARN, "bad-cable at servo 2")
             return bool(told)
 
         until(has_come)
     t_ns, log = told[0]
     assert (t_ns, log.timestamp.ToNanoseconds()) == (START_NS, START_NS)
-    assert (log.level, log.name, log.message) == (Log.Level.WARNING, "bus0", "bad-cable")
+    assert (log.level, log.name, log.message) == (
+        Log.Level.WARNING,
+        "bus0",
+        "bad-cable at servo 2 elbow",
+    )
     sink.close()
 
 

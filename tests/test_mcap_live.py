@@ -15,6 +15,7 @@ from mcap_protobuf.schema import register_schema
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import (
+    NS,
     Chunk,
     Clock,
     DamagedInputError,
@@ -23,7 +24,7 @@ from sniffer.ground.model import (
     MarkKind,
     OutputError,
 )
-from sniffer.mcapfile.held import MOST, Arrivals
+from sniffer.mcapfile.held import ANOMALIES, FRAMES, MOST, Arrivals, Seconds
 from sniffer.mcapfile.index import PIECE, ChunkIndexes, ChunkNote, as_bytes
 from sniffer.mcapfile.raw import HeldChunks, RawEncoder, spoken
 from sniffer.mcapfile.rows import LOG_AT, Heads
@@ -171,6 +172,21 @@ def test_log_times_of_frames_are_those_of_their_bytes_although_they_are_written_
     for frame, log in zip(messages(path)["/bus0/frames"], logged, strict=True):
         arrived = next(t for end, t in ends if end >= frame.offset + frame.length)
         assert log == arrived
+
+
+def test_what_is_known_late_of_a_second_that_is_written_counts_in_one_that_is_not() -> None:
+    counted = Seconds()
+    counted.count(FRAMES, np.array([5, 6, 9]) * NS, np.array([9, 9, 9]))
+    rows = counted.over(final=False)
+    counted.count(ANOMALIES, np.array([5, 6]) * NS)
+    rows += counted.over(final=True)
+    assert [(s.t_ns // NS, s.frames, s.anomalies) for s in rows] == [
+        *((5, 1, 0), (6, 1, 0)),
+        *((7, 0, 0), (8, 0, 0)),  # a silence
+        (9, 1, 2),
+    ]
+    counted.count(ANOMALIES, np.array([5]) * NS)
+    assert [(s.t_ns // NS, s.anomalies) for s in counted.over(final=True)] == [(10, 1)]
 
 
 def test_a_flush_with_nothing_to_write_writes_nothing(tmp_path: Path) -> None:

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from typing import TYPE_CHECKING
 
 import pytest
 from pyarrow import parquet
 
 from tests.commands import sniffer
+from tests.recordings import messages
+from tests.streams import mightyzap, rs30x
 from tests.test_names import CLEAN, DAMAGED, two_buses
 from tests.test_names_shown import LONG
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+RS30X_ANSWER = rs30x.returned(2, 0x2A, b"\x10\x01")
+RS30X_AT = 4 * len(rs30x.packet(2, 0x0F, 0x2A, 2, 0) + RS30X_ANSWER) - 2
+MIGHTYZAP = mightyzap.packet(1, 0xF2, b"\x8c\x02") + mightyzap.packet(1, 0, b"\xff\x07")
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +74,17 @@ def test_tables_have_a_column_of_names_where_they_are_known(both: Path, tmp_path
     assert plain.read_text(encoding="utf-8").splitlines()[0].endswith(',"protocol"')
     assert sniffer("decode", CLEAN, "-q", "--name", "1==1+1", "-o", plain, "--force").status == 0
     assert '"\'=1+1"' in plain.read_text(encoding="utf-8"), "a spreadsheet runs no name"
+
+
+def test_the_log_of_two_protocols_on_one_line_has_the_names_too(tmp_path: Path) -> None:
+    capture, out = tmp_path / "two.bin", tmp_path / "two.mcap"
+    torn = bytearray(b"".join(rs30x.packet(2, 0x0F, 0x2A, 2, 0) + RS30X_ANSWER for _ in range(9)))
+    torn[RS30X_AT] ^= 1
+    capture.write_bytes(MIGHTYZAP * 9 + torn + MIGHTYZAP * 9)
+    told = ("--protocol", "mightyzap+rs30x", "--name", "2=elbow", "-q", "-o", out)
+    assert sniffer("decode", capture, *told).status == 0
+    log = [
+        m.message for topic, rows in messages(out).items() if topic.endswith("/log") for m in rows
+    ]
+    assert any("servo 2 elbow" in line for line in log)
+    assert not any(re.search(r"servo 2\b(?! elbow)", line) for line in log)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +99,24 @@ def test_a_file_cut_anywhere_has_all_records_of_its_bytes_again(tmp_path: Path) 
         made += report.derived
         assert derived(path) == derived(anew(path, tmp_path / f"anew{n}.mcap")), n
     assert made, "some of them had bytes of which nothing was made"
+
+
+def test_what_is_said_of_a_servo_with_a_name_is_not_there_twice(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    said, decoder = talk("mightyzap", 3.0, 3), Decoder("mightyzap", baud=115200)
+    facts = {"protocol.bus0": "mightyzap", "baud.bus0": "115200", "name.1": "elbow"}
+    sink = McapSink(path, facts, live=True, flush_ns=0)
+    for n in range(0, len(said), 25):
+        sink.raw("bus0", said[n : n + 25])
+        sink.write("bus0", decoder.protocol, decoder.feed(*said[n : n + 25]))
+        sink.flush()
+    before = sink.size
+    sink.close()
+    path.write_bytes(path.read_bytes()[:before])
+    recover(path, path)
+    log = [m.message for m in messages(path)["/bus0/log"]]
+    assert any("servo 1 elbow " in line for line in log)
+    assert not any(re.search(r"servo 1 (?!elbow)", line) for line in log)
 
 
 @pytest.mark.parametrize("joints", [(), (RosJoint("b1", 1, "knee", sign=-1, offset=0.25),)])

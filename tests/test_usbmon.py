@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.pcapfile import source
 from sniffer.sources import open_source
 from tests.commands import within
 from tests.inputs import chunks
@@ -67,9 +68,9 @@ def asked(
 
 
 def heard(data: bytes) -> tuple[list[Chunk], list[str], dict[str, str]]:
-    source = open_source(data)
-    facts = dict(source.facts())
-    return [k for group in source for k in group], source.notes, facts
+    opened = open_source(data)
+    facts = dict(opened.facts())
+    return [k for group in opened for k in group], opened.notes, facts
 
 
 @pytest.mark.parametrize(("link", "head"), [(USB, 64), (USB_SHORT, 48)])
@@ -199,6 +200,30 @@ def test_of_several_devices_those_that_speak_like_servos_are_buses(
 def test_a_device_that_is_alone_is_shown_whatever_it_says() -> None:
     told = [urb("C", 0x81, bytes([n, 0x55]), T0 + n * MS) for n in range(2, 9)]
     assert len(chunks(pcap(told, USB))) == 7
+
+
+@pytest.mark.parametrize("held", [source.HELD_BYTES, 40_000])
+def test_all_of_a_device_that_is_alone_is_shown_however_much_it_says(
+    held: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(source, "HELD_BYTES", held)
+    told = [urb("C", 0x81, bytes([n % 251, 0x55]) * 20, T0 + n * MS) for n in range(2200)]
+    got, notes, _ = heard(pcap(told, USB))
+    assert sum(len(k.data) for k in got) == 2200 * 40
+    assert not [n for n in notes if "left out" in n]
+
+
+def test_of_two_devices_that_speak_no_protocol_each_that_is_left_out_is_told() -> None:
+    both = [
+        urb("C", 0x81, bytes([n % 251, 0x55]) * 20, T0 + n * MS, device=3 + n % 2)
+        for n in range(4400)
+    ]
+    got, notes, _ = heard(pcap(both, USB))
+    assert not got
+    assert sorted(n.partition(" of")[0] for n in notes if "left out" in n) == [
+        "1.3 is left out: 88000 bytes",
+        "1.4 is left out: 88000 bytes",
+    ]
 
 
 def test_two_ports_of_one_chip_are_two_buses() -> None:

@@ -108,15 +108,26 @@ class Seconds:
         self._last: int | None = None
 
     def count(self, column: int, times: I64, lengths: I64 | None = None) -> None:
-        """Count records of one kind, and their bytes."""
+        """Count records of one kind, and their bytes.
+
+        What is known late of a second that is written counts in the oldest that is not: an answer
+        that never came is missed when no more may come.
+        """
         if not len(times):
             return
+        if self._last is not None:
+            times = np.where(times < (self._last + 1) * NS, self._open_from * NS, times)
         seconds, which, counts = distinct(times // NS)
         size = np.bincount(which, lengths) if lengths is not None else np.zeros(len(seconds))
         for second, n, b in zip(seconds.tolist(), counts.tolist(), size.tolist(), strict=True):
             row = self._open.setdefault(second, [0, 0, 0, 0])
             row[0] += int(b)
             row[column] += n
+
+    @property
+    def _open_from(self) -> int:
+        """The oldest second that is not written yet."""
+        return min(self._open, default=0 if self._last is None else self._last + 1)
 
     def over(self, *, final: bool) -> list[Stats]:
         """Return the seconds that are over; of a silence only its first and its last."""

@@ -165,6 +165,7 @@ class BusWriter:
                 live=self._live,
                 ros2=self._ros2,
                 published=self._published,
+                names=self._names,
             )
             writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
             self._beside[protocol.name] = writer

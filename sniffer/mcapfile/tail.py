@@ -15,6 +15,7 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.records import Attachment
 
+from sniffer.decoding.called import ServoNames, names_in
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.limits import BAUDS, OFFSET_END, number_in
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
@@ -143,6 +144,7 @@ class _Rest:
         wanted = facts.get("topics", ",".join(TOPICS)).split(",")
         self._queue = Queue([topic for topic in wanted if topic != "raw"])
         self._buses: dict[str, BusWriter] = {}
+        self._names = ServoNames(names_in(facts))
         self._ros2: RosWriter | None = None
         if (joints := joints_in(facts)) is not None:
             places = JointPlaces.of(joints, facts)
@@ -185,6 +187,7 @@ class _Rest:
                 self._file.channel,
                 live=True,
                 ros2=self._ros2,
+                names=self._names,
             )
         return self._buses[name]
 

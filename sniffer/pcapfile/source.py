@@ -30,7 +30,12 @@ FIRST_LOOK: Final = 256
 """Bytes of a USB device after which it is looked for the first time whether servos speak there."""
 
 CHUNKS_MOST: Final = 1 << 11
-"""Chunks of it that wait at most."""
+"""Chunks of it by which that is told at last."""
+
+HELD_CHUNKS: Final = 1 << 17
+HELD_BYTES: Final = 1 << 24
+"""What a device that is alone, and no servo, may say before it is taken as it is: a second one may
+yet turn up, which speaks to servos."""
 
 HEAD_MOST: Final = 1 << 16
 """Bytes at the begin of a capture that are searched for what it says of itself ..."""
@@ -59,13 +64,17 @@ class _Candidate:
         self.chunks: list[Chunk] = []
         self.size = 0
         self.is_servo: bool | None = None
+        self.is_taken = False
+        """Whether its chunks are handed on, whatever it is."""
+        self.is_left_out = False
+        """Whether some of its chunks are gone."""
         self._look_at = FIRST_LOOK
 
     def add(self, chunk: Chunk) -> None:
         """Take a chunk, and look whenever there is twice as much as before."""
         self.chunks.append(chunk)
         self.size += len(chunk.data)
-        if self.size >= self._look_at:
+        if self.is_servo is None and self.size >= self._look_at:
             self._look_at = 2 * self.size
             self.look()
 
@@ -76,6 +85,17 @@ class _Candidate:
             self.is_servo = True
         if self.is_servo is None and (self.size >= ENOUGH or len(self.chunks) >= CHUNKS_MOST):
             self.is_servo = False
+        self.is_taken = bool(self.is_servo)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no more chunks may wait."""
+        return self.size >= HELD_BYTES or len(self.chunks) >= HELD_CHUNKS
+
+    def leave_out(self) -> None:
+        """Let go of what waits, and of all that comes."""
+        self.is_left_out = True
+        self.chunks.clear()
 
     def given(self) -> list[Chunk]:
         """Return what waits, once."""
@@ -175,17 +195,20 @@ class PcapSource:
             candidate = self._candidates[chunk.bus] = _Candidate()
             if chunk.data.startswith(_STORAGE):
                 candidate.is_servo = False
-        if candidate.is_servo is None:
-            candidate.add(chunk)
-        elif candidate.is_servo:
+                candidate.leave_out()
+        if candidate.is_taken:
             yield chunk
             return
-        else:
+        if candidate.is_left_out:
             candidate.size += len(chunk.data)
-        if candidate.is_servo:
+            return
+        candidate.add(chunk)
+        if candidate.is_servo is False and len(self._candidates) > 1:
+            candidate.leave_out()
+        elif candidate.is_servo is False and candidate.is_full:
+            candidate.is_taken = True
+        if candidate.is_taken:
             yield from candidate.given()
-        elif candidate.is_servo is False and len(self._candidates) > 1:
-            candidate.chunks.clear()
 
     def _end(self) -> Iterator[Chunk]:
         for line in self._lines.values():
@@ -195,9 +218,11 @@ class PcapSource:
         for candidate in self._candidates.values():
             if candidate.is_servo is None:
                 candidate.look()
-        alone = not any(c.is_servo for c in self._candidates.values())
+        if not any(c.is_servo for c in self._candidates.values()):
+            for candidate in self._candidates.values():
+                candidate.is_taken = not candidate.is_left_out
         for bus, candidate in self._candidates.items():
-            if candidate.is_servo or alone:
+            if candidate.is_taken:
                 yield from candidate.given()
             else:
                 self._notes.append(
@@ -205,7 +230,7 @@ class PcapSource:
                     "speaks no protocol of servos"
                 )
         for device in self._usb.known.values():
-            if any(self._candidates[bus].is_servo or alone for bus in device.buses):
+            if any(self._candidates[bus].is_taken for bus in device.buses):
                 self._notes.append(f"{device.name} is {device.told}")
         for what, count in self._left_out.items():
             self._notes.append(f"{counted(count, 'packet')} of {what} are left out")

@@ -97,7 +97,12 @@ class FoxgloveSink:
     def incident(self, bus: str, t_ns: int, severity: Severity, text: str) -> None:
         """Tell what has become of an incident."""
         stamp = {"seconds": t_ns // NS, "nanos": t_ns % NS}
-        told = Log(timestamp=stamp, level=LEVELS[severity], message=text, name=bus)
+        told = Log(
+            timestamp=stamp,
+            level=LEVELS[severity],
+            message=self._names.sentence(bus, text),
+            name=bus,
+        )
         self._channels[self._ids[INCIDENTS]].log(told.SerializeToString(), log_time=t_ns)
 
     def flush(self) -> None:
