@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import time
-import tracemalloc
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -281,21 +280,6 @@ def test_the_ring_on_the_disk_has_at_any_time_all_that_the_ring_has(tmp_path: Pa
     file.close()
     assert said.endswith(raw(path)["bus0"])
     assert [p.name for p in tmp_path.iterdir()] == ["ring.mcap"]
-
-
-def test_a_ring_of_a_bus_that_says_little_is_bounded_by_what_it_takes_in_memory(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("sniffer.mcapfile.ring.MEMORY", 1 << 20)
-    ring = Ring(3600 * NS, 1 << 20)
-    tracemalloc.start()
-    for tick in range(20_000):
-        ring.add("bus0", [Chunk(tick.to_bytes(20, "big"), tick * NS // 20, Clock.READ)])
-        ring.trim(tick * NS // 20)
-    taken, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert 1 << 19 < taken < 3 << 19
-    assert ring.is_short
 
 
 def test_a_ring_is_bounded_in_bytes_and_says_so(tmp_path: Path, line: Terminal) -> None:

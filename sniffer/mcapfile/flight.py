@@ -264,10 +264,10 @@ class FlightRecorder:
         self._decided.update(decided)
         self.ring.decided(decided)
         self.ring.trim(self._now())
-        if self.ring.is_short and not self._told_short:
+        if self.ring.is_short and not self._told_short and self._lacks():
             self._told_short = True
             self._tell(
-                f"the ring is full with {self.ring.size} bytes: there is less time in it than was "
+                f"the ring is full with {self.ring.size} bytes: there is less in it than was "
                 "asked for"
             )
         current = self._current
@@ -304,6 +304,10 @@ class FlightRecorder:
             if self._ring_file is not None:
                 self._ring_file.close()
 
+    def _lacks(self) -> bool:
+        """Tell whether a full ring has less than was asked for, a time or so many bytes."""
+        return self._around.before_ns is not None or self.ring.size < self._around.most // 2
+
     def _is_known(self, t_ns: int, now: int) -> bool:
         """Tell whether a time is over, and what was said until then decoded."""
         if now <= t_ns + READ_NS:
@@ -324,7 +328,7 @@ class FlightRecorder:
         """Begin a file with what the ring has of the time before."""
         before_ns = self._around.before_ns
         since_ns = what.t_ns - before_ns if before_ns is not None else 0
-        placed = self.ring.since(since_ns)
+        past = self.ring.since(since_ns)
         last_ns = what.t_ns + LONGEST * self._around.after_ns
         until_ns = min(max(what.t_ns, what.last_ns) + self._around.after_ns, last_ns)
         path = self._free_path()
@@ -334,13 +338,13 @@ class FlightRecorder:
             for bus, named in self._options.protocols.items()
             if named != AUTO
         }
-        starts = {f"{OFFSET}.{bus}": str(some[0][0]) for bus, some in placed.items() if some}
+        starts = {f"{OFFSET}.{bus}": str(some.start) for bus, some in past.items()}
         facts = {**self._session, **protocols, **told}
         current = FlightFile(
             path,
             facts,
             replace(self._options, begins={}).with_facts({**facts, **starts}),
-            placed,
+            past,
             until_ns=until_ns,
             last_ns=last_ns,
             durable=self._durable,
@@ -351,7 +355,7 @@ class FlightRecorder:
         current.sink.incidents(self._open.changes)
         status = path.stat()
         self._files.append((path, (status.st_dev, status.st_ino)))
-        first = min((some[0][1].t_ns or 0 for some in placed.values() if some), default=what.t_ns)
+        first = min((some.first_ns for some in past.values()), default=what.t_ns)
         self._tell(
             f"{what.what}: {path} has {max(what.t_ns - first, 0) / NS:.1f} s before it and will "
             f"have {self._around.after_ns / NS:g} s after it"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
-    from sniffer.ground.cutting import Placed
+    from sniffer.mcapfile.ring import Past
     from sniffer.mcapfile.ros2 import JointPlaces
     from sniffer.mcapfile.sink import McapSink
 
@@ -31,7 +31,7 @@ class FlightFile:
         path: of the file.
         facts: of its session.
         options: how it is decoded.
-        placed: what each bus said before, with the offsets in its stream.
+        past: what each bus said before.
         until_ns: when it ends; that may be put off.
         last_ns: until when it may be put off.
         durable: whether the disk is waited for with each flush.
@@ -47,7 +47,7 @@ class FlightFile:
         path: Path,
         facts: Mapping[str, str],
         options: Options,
-        placed: Mapping[str, Sequence[Placed]],
+        past: Mapping[str, Past],
         *,
         until_ns: int,
         last_ns: int,
@@ -62,7 +62,7 @@ class FlightFile:
         self.last_ns = last_ns
         self.is_over = False
         self.bytes = 0
-        starts = {bus: some[0][0] for bus, some in placed.items() if some}
+        starts = {bus: some.start for bus, some in past.items()}
         self.sink: McapSink = McapSink(
             path,
             facts,
@@ -74,9 +74,12 @@ class FlightFile:
             joints=joints,
         )
         self._pipeline = Pipeline(options, [self.sink], live=True, starts=starts)
-        each = [[chunk for _, chunk in some] for some in placed.values()]
         # of one bus they stay in their order, whatever their stamps say
-        self._waiting = deque(heapq.merge(*each, key=lambda c: c.t_ns or 0))
+        each = (some.chunks() for some in past.values())
+        self._past = heapq.merge(*each, key=lambda c: c.t_ns or 0)
+        self._next = next(self._past, None)
+        """The next one of before, as long as there is one."""
+        self._waiting: deque[Chunk] = deque()
         self._ended: list[Chunk] = []
         self._wires = dict.fromkeys(starts, Direction.UNKNOWN)
 
@@ -110,15 +113,21 @@ class FlightFile:
         """Return some of what waits, by bus: nothing that is later than the end."""
         by_bus: dict[str, list[Chunk]] = {}
         size = 0
-        while self._waiting and size < PIECE:
-            if (self._waiting[0].t_ns or 0) > self.until_ns:
-                break
-            chunk = self._waiting.popleft()
+        while size < PIECE and (chunk := self._due()) is not None:
+            if self._next is not None:
+                self._next = next(self._past, None)
+            else:
+                self._waiting.popleft()
             by_bus.setdefault(chunk.bus, []).append(chunk)
             self._wires.setdefault(chunk.bus, chunk.direction)
             size += len(chunk.data)
         self.bytes += size
         return by_bus
+
+    def _due(self) -> Chunk | None:
+        """Return what is next to be written; None: nothing, or it is later than the end."""
+        chunk = self._next or (self._waiting[0] if self._waiting else None)
+        return chunk if chunk is not None and (chunk.t_ns or 0) <= self.until_ns else None
 
     def _take(self, by_bus: Mapping[str, Sequence[Chunk]]) -> None:
         """Record chunks, and decode them then."""

@@ -15,7 +15,7 @@ from sniffer.ground.cutting import behind
 from sniffer.ground.model import Chunk, Clock, Direction
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.ground.cutting import Placed
     from sniffer.ground.model import Mark
@@ -33,6 +33,11 @@ BLOCK_COST: Final = 400
 
 CHUNK_COST: Final = 17
 """What a chunk takes beside its bytes: a time, a size, a direction."""
+
+MARKED_COST, MARK_COST = 85, 88
+"""What a chunk with marks takes more, and each of them (measured likewise): noise leaves many."""
+
+_WIRES: Final = tuple(sorted(Direction))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,19 +75,49 @@ class RingBlock:
     @property
     def cost(self) -> int:
         """Bytes of memory that it takes, about: many small blocks are more than their bytes."""
-        return len(self.data) + len(self.times) * CHUNK_COST + BLOCK_COST
+        marks = sum(map(len, self.marks.values()))
+        cost = len(self.data) + len(self.times) * CHUNK_COST + BLOCK_COST
+        return cost + len(self.marks) * MARKED_COST + marks * MARK_COST
 
-    def placed(self) -> list[Placed]:
-        """Return the chunks again, each with its offset."""
-        out: list[Placed] = []
+    def placed(self) -> Iterator[Placed]:
+        """Yield the chunks again, each with its offset."""
         at = 0
         for i, (t_ns, size) in enumerate(zip(self.times, self.sizes, strict=True)):
-            wire = Direction(self.directions[i])
+            wire = _WIRES[self.directions[i]]
             marks = self.marks.get(i, ())
             data = self.data[at : at + size]
-            out.append((self.start + at, Chunk(data, t_ns, self.clock, self.bus, wire, marks)))
+            yield self.start + at, Chunk(data, t_ns, self.clock, self.bus, wire, marks)
             at += size
-        return out
+
+    def latest(self, t_ns: int) -> int | None:
+        """Return the offset of the last chunk that came until a time; None: all came later."""
+        if min(self.times) > t_ns:  # most of them, and at once
+            return None
+        last = max(i for i, came_ns in enumerate(self.times) if came_ns <= t_ns)
+        return self.start + sum(self.sizes[:last])
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What a bus said from a place in its stream on; ``start`` is its offset.
+
+    The chunks are made as they are asked for: those of a minute take a second, in which nothing
+    would be recorded.
+    """
+
+    start: int
+    blocks: Sequence[RingBlock]
+
+    @property
+    def first_ns(self) -> int:
+        """When its first chunk came."""
+        return next(self.chunks()).t_ns or 0
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield its chunks; of the first one what lies behind the place."""
+        for block in self.blocks:
+            for _, chunk in behind(block.placed(), self.start, 0)[0]:
+                yield chunk
 
 
 class _RingBus:
@@ -145,20 +180,21 @@ class Ring:
             while len(held.places) > 1 and held.places[1] <= begin:
                 held.places.popleft()
 
-    def since(self, t_ns: int) -> dict[str, list[Placed]]:
+    def since(self, t_ns: int) -> dict[str, Past]:
         """Return what each bus said from about then on.
 
         A bus begins where nothing is open, a little before that time; one that was never decoded
         begins with the last chunk until then.
         """
-        out: dict[str, list[Placed]] = {}
+        out: dict[str, Past] = {}
         for bus, held in self._buses.items():
             if not held.blocks:
                 continue
-            placed = [p for block in held.blocks for p in block.placed()]
-            first = max((at for at, c in placed if (c.t_ns or 0) <= t_ns), default=placed[0][0])
-            begin = max((p for p in held.places if p <= first), default=first)
-            out[bus], _ = behind(placed, max(begin, held.blocks[0].start), 0)
+            oldest = held.blocks[0].start
+            until = (block.latest(t_ns) for block in reversed(held.blocks))
+            first = next((at for at in until if at is not None), oldest)
+            begin = max(max((p for p in held.places if p <= first), default=first), oldest)
+            out[bus] = Past(begin, [block for block in held.blocks if block.end > begin])
         return out
 
     def offsets(self, t_ns: int) -> dict[str, int]:
