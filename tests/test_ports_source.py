@@ -139,6 +139,18 @@ def test_the_baud_rate_is_changed_without_opening_again(line: Terminal) -> None:
     port.close()
 
 
+@LINUX_ONLY
+def test_all_that_waits_is_thrown_away_however_often_the_kernel_gives_some(
+    line: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = tty_at(line.path)
+    waiting = [bytes(4095), bytes(4095), b"\xff"]  # a pty of Linux gives 4095 bytes at once
+    monkeypatch.setattr(port, "read", lambda: waiting.pop(0) if waiting else b"")
+    port.set_baud(57600)
+    assert not waiting
+    port.close()
+
+
 def tty_at(path: str) -> TtyPort:
     from sniffer.ports import tty
 

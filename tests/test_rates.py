@@ -327,10 +327,10 @@ def test_a_rate_that_is_right_at_once_is_kept_from_the_first_byte_on(
 ) -> None:
     wire.spoken = 115200
     path = tmp_path / "run.mcap"
-    _, said = recorded(wire, Files(path))
+    _, said = recorded(wire, Files(path), options=Options(latency_ns=2_000_000))
     assert wire.rates == [115200]
     assert "arm: 115200 bit/s" in said
-    assert facts(path)["rate_since.arm"] == "0"
+    assert [facts(path)[f"{key}.arm"] for key in ("rate_since", "latency_ns")] == ["0", "2000000"]
     assert frames_recorded(path)["arm"][0][0] == 0
     assert "rate-found" not in codes(path, "arm")
     assert_true_to_itself(path)

@@ -125,9 +125,11 @@ class Pipeline:
     def tune(self, bus: str, rate: Rate) -> None:
         """Learn at which rate a bus is listened to, before anything of it is decoded.
 
-        What is decoded next begins where that rate holds.
+        What is decoded next begins where that rate holds. A latency that was stated stays.
         """
         o = self._options
+        if o.latency_ns is not None:
+            rate = rate._replace(latency_ns=o.latency_ns)
         self._options = replace(
             o,
             bauds={**o.bauds, bus: rate.baud},

@@ -136,8 +136,10 @@ class TtyPort:
             PortLostError: the port is gone.
         """
         self.retune(baud)
-        # through the unmarker, which must see every escape to its end
-        self.unmark(self.read())
+        thrown = 0
+        while thrown < EARLY_MAX and (waits := self.read()):  # the kernel gives it in pieces
+            self.unmark(waits)  # which must see every escape to its end
+            thrown += len(waits)
 
     def retune(self, baud: int) -> None:
         """Listen at another baud, and leave what has come: it may be of either.

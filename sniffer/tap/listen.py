@@ -11,11 +11,10 @@ from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.rates import RateSearch
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
-from sniffer.ground.timing import LATENCY_NS
 from sniffer.ground.wording import Sentence
 from sniffer.merging.merger import Merger
 from sniffer.ports import PortOptions, Retunable, open_port
-from sniffer.tap.reader import BREATH_NS, Anchor, Listener
+from sniffer.tap.reader import Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
 
 if TYPE_CHECKING:
@@ -187,12 +186,7 @@ def _latency(taps: Sequence[Tap], bus: str, options: Options) -> int:
     """Return how long bytes may be held back between the wire and their stamp."""
     if options.latency_ns is not None:
         return options.latency_ns
-    held = []
-    for tap in taps:
-        if tap.spec.bus == bus:
-            known = tap.port.latency_ns
-            held.append(max(LATENCY_NS.values()) if known is None else known)
-    return max(held) + BREATH_NS
+    return max(tap.latency_ns for tap in taps if tap.spec.bus == bus)
 
 
 def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) -> dict[str, str]:

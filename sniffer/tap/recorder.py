@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from sniffer.decoding.rates import Rate, SearchStep
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
-from sniffer.ground.timing import LATENCY_NS
 from sniffer.tap.events import Retuned
-from sniffer.tap.reader import BREATH_NS
 from sniffer.tap.status import BusStatus, Status
 
 if TYPE_CHECKING:
@@ -45,9 +43,6 @@ UNSEEN_S: Final = (0.5, 1.0)
 DUTY: Final = 0.05
 """Share of the time that decoding takes before the passes become rarer: a pass has a fixed cost,
 whatever it holds, so fewer of them for many busy buses are cheaper."""
-
-NOT_TOLD_NS: Final = max(LATENCY_NS.values())
-"""What is taken for the latency of an adapter that does not tell."""
 
 PASS: Final = 1 << 16
 """Bytes of one bus that are decoded in one go: 30 ms at the worst that a line can say."""
@@ -288,9 +283,8 @@ class Recorder:
             self._listener.tune(number, search.baud)
         elif verdict is SearchStep.FOUND:
             del self._searches[bus]
-            held_ns = self.taps[number].port.latency_ns
-            latency_ns = BREATH_NS + (NOT_TOLD_NS if held_ns is None else held_ns)
-            self.pipeline.tune(bus, Rate(search.baud, search.begin, latency_ns))
+            rate = Rate(search.baud, search.begin, self.taps[number].latency_ns)
+            self.pipeline.tune(bus, rate)
             self._waiting[bus].add(search.heard())
             self._on_rate(bus, search)
 

@@ -6,13 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.timing import LATENCY_NS
 from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
+from sniffer.tap.reader import BREATH_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from sniffer.ports import Counters, Port
     from sniffer.protocols.base import BusProtocol
+
+NOT_TOLD_NS: Final = max(LATENCY_NS.values())
+"""What is taken for the latency of an adapter that does not tell."""
 
 SILENT_NS: Final = NS
 """A bus is called silent after this time without a byte."""
@@ -58,6 +63,12 @@ class Tap:
         self._marked = self._counts = self._unmarked = 0
         self._past = 0  # errors until then
         self._since = 0  # bytes since the counters were read
+
+    @property
+    def latency_ns(self) -> int:
+        """How long bytes may be held back between the wire and their stamp, at its rate of now."""
+        held_ns = self.port.latency_ns
+        return BREATH_NS + (NOT_TOLD_NS if held_ns is None else held_ns)
 
     @property
     def line_errors(self) -> int | None:
