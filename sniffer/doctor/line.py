@@ -37,7 +37,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.{0 if share in (0, 1) else 1}f}%"
 
 
-def about_bytes(heard: Listened, found: Understanding) -> Iterator[Observation]:
+def about_bytes(heard: Listened) -> Iterator[Observation]:
     """Is there anything at all?"""
     size, seconds = heard.size, heard.seconds
     numbers = {"bytes": size, "seconds": round(seconds, 3), "reads": len(heard.chunks)}

@@ -22,7 +22,7 @@ def diagnose(heard: Listened) -> list[Observation]:
     found = understand(heard.chunks, heard.protocol, heard.line_baud)
     return [
         *about_adapter(heard),
-        *about_bytes(heard, found),
+        *about_bytes(heard),
         *about_line(heard, found),
         *about_reads(heard, found),
     ]

@@ -246,7 +246,9 @@ class _Copying:
         missing = [file for file in files if file.path not in there]
         of = sum(len(file.sources) for file in missing)
         of_bytes = sum(s.size for file in missing for s in file.sources)
-        wanted = {file.path for file in files}
+        stale: dict[str, list[str]] = {}
+        for path in there - {file.path for file in files}:
+            stale.setdefault(path.rpartition("/")[0], []).append(path)
         done = done_bytes = 0
         with self._target.staging() as folder:
             for large in missing:
@@ -262,11 +264,9 @@ class _Copying:
                 self._target.empty(folder)
                 self._written += 1
                 self._bytes += sum(source.size for source in large.sources)
-                beside = large.path.rpartition("/")[0]
-                for path in there - wanted:  # rows are not there twice for longer than it takes
-                    if path.rpartition("/")[0] == beside:
-                        self._target.delete(path)
-                        there.discard(path)
+                # rows are not there twice for longer than it takes
+                for path in stale.pop(large.path.rpartition("/")[0], ()):
+                    self._target.delete(path)
         return True
 
     def _there(self) -> set[str]:

@@ -241,7 +241,7 @@ class BusWriter:
             publish = np.maximum.accumulate(np.maximum(frames.t_end, reached))
             self._published[self._root] = int(publish[-1])
             self._write_frames(batch, log, publish)
-            self._write_transactions(batch, log, publish)
+            self._write_transactions(batch, log)
             assert self._states is not None, "a batch comes with its protocol"
             self._states.write(batch, log, publish, self._arrivals.read(end))
         done = batch.base + len(batch.data)
@@ -300,7 +300,7 @@ class BusWriter:
             ),
         )
 
-    def _write_transactions(self, batch: Batch, log: I64, publish: I64) -> None:
+    def _write_transactions(self, batch: Batch, log: I64) -> None:
         frames, t = batch.frames, batch.transactions
         if not len(t) or not self._queue.wants("transactions"):
             return

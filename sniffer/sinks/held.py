@@ -33,14 +33,13 @@ def print_held(
     registers: Sequence[HeldRegister],
     names: ServoNames,
     began_ns: Mapping[str, int],
-    console: Console | None = None,
 ) -> None:
     """Print registers bus by bus: settings, what was commanded, what was measured.
 
     ``names`` are what servos are called, ``began_ns`` when the capture began, of each
     bus with a clock.
     """
-    console = console or console_for()
+    console = console_for()
     width = tables_in(console)
     with unpadded(console):
         for nth, bus in enumerate(dict.fromkeys(held.bus for held in registers)):

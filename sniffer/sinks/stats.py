@@ -51,7 +51,6 @@ HAVING: Final = ("bytes", "commands", "servos", "anomalies", "alarms")
 def print_stats(
     figures: Mapping[str, Any],
     statistics: Statistics,
-    console: Console | None = None,
     *,
     began_ns: int | None = None,
     most: int | None = MOST,
@@ -63,7 +62,7 @@ def print_stats(
     None, each bus has its own. ``most``: so many rows of each table; all of them where None.
     ``how``: what is said of those that are left out, behind how many they are.
     """
-    console = console or console_for()
+    console = console_for()
     tables = figures.get("selection", {}).get("tables")
     width = tables_in(console)
     has_bars = console.encoding.lower().startswith("utf")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
+from collections import Counter, deque
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -201,9 +201,8 @@ def open_sources(
 
 def refuse_twice(paths: Sequence[str | Path]) -> None:
     """Raise an InputError where an input is named twice."""
-    named = [str(path) for path in paths]
-    for name in named:
-        if named.count(name) > 1:
+    for name, times in Counter(map(str, paths)).items():
+        if times > 1:
             raise InputError(f"{name} is named twice")
 
 

@@ -249,9 +249,9 @@ class PacketFamily:
         fields = getattr(bare(packet), "subcons", ())
         if not any(isinstance(getattr(bare(f), "length", None), ByCode) for f in fields):
             return packet
-        sizes = {} if answers else {code: self._size_of(code, k) for code, k in self._asking()}
+        sizes = {} if answers else {code: self._size_of(k) for code, k in self._asking()}
         if answers or not self.answer_header:
-            sizes |= {code: self._size_of(code, k, back=True) for code, k in self._answering()}
+            sizes |= {code: self._size_of(k, back=True) for code, k in self._answering()}
         own = [
             c.Renamed(c.Bytes(ByCode(sizes)), f.name)
             if isinstance(getattr(bare(f), "length", None), ByCode)
@@ -267,7 +267,7 @@ class PacketFamily:
         asked = [(code, self.commands[k]) for code, k in self.asked_by.items()]
         return [(code, k) for code, k in asked if (k.reply, k.to_all) != (NEVER, NEVER)]
 
-    def _size_of(self, code: int, command: Command, *, back: bool = False) -> int:
+    def _size_of(self, command: Command, *, back: bool = False) -> int:
         """Return how many bytes the parameters of a command, or of its answer, have."""
         grammar = (command.feedback or self.feedback) if back else command.params
         takes = [f for f in grammar.subcons if bare(f) is not c.Terminated]
