@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger import Ledger
 from sniffer.diagnosis.rest import rest_of
+from sniffer.diagnosis.shared import shared
 from sniffer.ground.model import NS, Clock
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -104,6 +106,11 @@ class Diagnosis:
     def has_clock(self) -> bool:
         """Whether the times of all buses are measured."""
         return all(case.has_clock for case in self.cases())
+
+    def shared(self, incidents: Sequence[Incident]) -> tuple[Shared, ...]:
+        """Return which incidents begin on several buses at one moment: likely one fault each."""
+        began = {case.bus: case.first_ns for case in self.cases() if case.has_clock}
+        return shared(incidents, began)
 
     def rest(self, incidents: Sequence[Incident]) -> Rest:
         """Return the warnings and errors that no incident has, in words, and what to do next."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
@@ -47,6 +48,13 @@ class Diagnosed:
     ending: Ending
     names: ServoNames = field(default_factory=ServoNames)
     """What servos are called, where they are shown to people."""
+    shared: tuple[Shared, ...] = ()
+    """Incidents that begin on several buses at one moment: likely one fault of what these share."""
+
+    @property
+    def is_one_bus(self) -> bool:
+        """Whether all of it is of one bus, which nobody needs to name."""
+        return len({each["bus"] for each in self.judged}) == 1
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
@@ -107,4 +115,5 @@ def diagnose(
         diagnosis.has_clock,
         done.ending,
         done.summary.names,
+        diagnosis.shared(incidents),
     )

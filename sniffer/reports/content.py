@@ -92,11 +92,12 @@ class Content:
         ]
 
     def titled(self, incident: Incident) -> str:
-        """Return what an incident is, in words: its likeliest cause and whom it struck."""
+        """Return what an incident is, in words: its likeliest cause, where and whom."""
         title = CAUSES[incident.cause].title
         title = title[:1].upper() + title[1:]
         who = listed([self.names.servo(incident.bus, one) for one in incident.servo_ids], 4)
-        return f"{title} ({who})" if who else title
+        on = f" on {incident.bus}" if len(self.summary.buses) > 1 else ""
+        return f"{title}{on} ({who})" if who else f"{title}{on}"
 
 
 def happened(incident: Incident) -> str:

@@ -1,0 +1,114 @@
+"""``sniffer diagnose`` of several buses: whose an incident is, and which are one fault."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.diagnosis.shared import numbered
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.faults import read_fault
+from sniffer.simulation.render import candump, frame_reads
+from tests.commands import within
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def robot(path: Path, **buses: tuple[str, ...]) -> Path:
+    """Write what is heard of a robot: each bus with its faults, side by side in one log."""
+    lines = []
+    for seed, (name, faults) in enumerate(buses.items()):
+        frames = simulate(
+            "mightyzap", seed=seed, faults=[read_fault(f) for f in faults], duration_s=12.0
+        )
+        said = candump(frame_reads(frames)).splitlines()
+        lines += [line.replace(" bus0 ", f" {name} ") for line in said]
+    lines.sort(key=lambda line: float(line.split(")")[0][1:]))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path
+
+
+def told(capsys: pytest.CaptureFixture[str], path: Path, *arguments: str) -> str:
+    done = within(capsys, "diagnose", path, *arguments)
+    assert done.status == 0, done.err
+    return " ".join(done.out.split())
+
+
+def test_each_incident_of_several_buses_is_told_with_its_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@3s",), leg=("dead:2@8s",))
+    words = told(capsys, path)
+    assert words.startswith(
+        "2 incidents: 1 servo-dead of servo 2 on arm (96 %), 2 servo-dead of servo 2 on leg (96 %) "
+    )
+    assert "error arm: a servo that stopped answering (servo 2)" in words
+    assert "error leg: a servo that stopped answering (servo 2)" in words
+    assert told(capsys, path, "--why", "2").startswith("leg: a servo that stopped answering")
+
+
+def test_the_bus_of_an_incident_is_not_told_where_there_is_one(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@3s",)))
+    assert "arm: a servo" not in words
+
+
+def test_what_strikes_several_buses_at_once_is_told_as_one_fault(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@6s",), leg=("dead:3@6s",), head=())
+    words = told(capsys, path)
+    assert words.startswith(
+        "2 incidents: 1 and 2 servo-dead of 2 servos on arm and leg (96 %) 1 and 2 begin within "
+    )
+    assert "look first at what these buses share (their supply, its switch and fuse)" in words
+    assert words.count("next: ") == 2
+    assert "next: as 1 " in words
+    found = json.loads(within(capsys, "diagnose", path, "--format", "json").out)["incidents"]
+    assert [i["bus"] for i in found] == ["arm", "leg"], "scripts have one a bus"
+
+
+def test_faults_of_several_buses_that_begin_apart_are_faults_of_their_own(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@3s",), leg=("dead:3@8s",)))
+    assert "likelier" not in words
+
+
+def test_what_is_there_from_the_begin_on_is_not_told_to_begin_together(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@0.5s",), leg=("dead:3@0.5s",)))
+    assert words.startswith("2 incidents: ")
+    assert "likelier" not in words
+
+
+def test_a_rule_of_check_that_fails_names_the_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",))
+    rules = tmp_path / "rules.toml"
+    rules.write_text(
+        "[[rule]]\nwhat = 'incidents'\nfrom = 'error'\nat_most = 0\n", encoding="utf-8"
+    )
+    assert "servo-dead on leg: " in within(capsys, "check", path, "--rules", rules).out
+
+
+def test_the_verdict_of_a_report_names_the_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path, out = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",)), tmp_path / "a.md"
+    assert within(capsys, "report", path, "-o", out).status == 0
+    assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [((1, 2), "1 and 2"), ((1, 2, 3, 4), "1 to 4"), ((1, 3, 4), "1, 3 and 4")],
+)
+def test_incidents_are_numbered_as_people_write_it(numbers: tuple[int, ...], words: str) -> None:
+    assert numbered(numbers) == words
