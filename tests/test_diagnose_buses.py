@@ -17,15 +17,22 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+def heard(name: str, protocol: str, *faults: str, seed: int = 1, seconds: float = 12) -> list[str]:
+    """Return the lines of a log that a bus has, with its faults."""
+    struck = [read_fault(fault) for fault in faults]
+    frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
+    return candump(frame_reads(frames)).replace(" bus0 ", f" {name} ").splitlines()
+
+
 def robot(path: Path, **buses: tuple[str, ...]) -> Path:
-    """Write what is heard of a robot: each bus with its faults, side by side in one log."""
-    lines = []
-    for seed, (name, faults) in enumerate(buses.items()):
-        frames = simulate(
-            "mightyzap", seed=seed, faults=[read_fault(f) for f in faults], duration_s=12.0
-        )
-        said = candump(frame_reads(frames)).splitlines()
-        lines += [line.replace(" bus0 ", f" {name} ") for line in said]
+    """Write what is heard of a robot: each bus with its faults."""
+    seeds = enumerate(buses.items())
+    return beside(path, *(heard(bus, "mightyzap", *f, seed=n) for n, (bus, f) in seeds))
+
+
+def beside(path: Path, *buses: list[str]) -> Path:
+    """Write what is heard of buses side by side in one log."""
+    lines = [line for bus in buses for line in bus]
     lines.sort(key=lambda line: float(line.split(")")[0][1:]))
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
     return path
@@ -104,6 +111,42 @@ def test_the_verdict_of_a_report_names_the_bus(
     path, out = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",)), tmp_path / "a.md"
     assert within(capsys, "report", path, "-o", out).status == 0
     assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
+
+
+def at_another_rate(lines: list[str]) -> list[str]:
+    """Return lines in which every byte is another one, always the same: no frame holds."""
+    told = (line.rpartition("#") for line in lines)
+    return [f"{head}#{bytes(b ^ 0xD5 for b in bytes.fromhex(h)).hex()}" for head, _, h in told]
+
+
+def test_a_bus_whose_bytes_nothing_explains_leaves_the_others_their_protocols(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """All were judged as the first protocol's: seven sound buses were not raw, at 99 %."""
+    torn = at_another_rate(heard("leg", "lss", seconds=6))
+    path = beside(tmp_path / "a.log", heard("arm", "lss", seconds=6), torn, heard("tail", "rs30x"))
+    done = within(capsys, "diagnose", path, "--format", "json")
+    found = json.loads(done.out)
+    assert [(i["bus"], i["causes"][0]["cause"]) for i in found["incidents"]] == [
+        ("leg", "wrong-baud")
+    ]
+    assert {j["bus"]: j["protocol"] for j in found["judged"]} == {
+        "arm": "lss",
+        "leg": "mightyzap",
+        "tail": "rs30x",
+    }
+
+
+def test_where_nothing_can_be_said_of_one_bus_the_others_are_judged_and_it_is_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    few = ["(3.000000) leg #0102030405"]
+    path = beside(tmp_path / "a.log", heard("arm", "rs30x", "dead:2@6s"), few)
+    done = within(capsys, "diagnose", path, "--format", "json")
+    found = json.loads(done.out)
+    assert [i["causes"][0]["cause"] for i in found["incidents"]] == ["servo-dead"]
+    assert [j["bus"] for j in found["judged"]] == ["arm"]
+    assert "cannot tell the protocol of these 5 bytes on leg" in done.err
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.joining import joined, runs
+from sniffer.decoding.names import AND
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
@@ -85,6 +86,14 @@ class Diagnosis:
         """Return the incidents of all buses so far, by bus and beginning."""
         found = [incident for case in self.cases() for incident in incidents(case)]
         return tuple(replace(incident, number=n) for n, incident in enumerate(found, 1))
+
+    def spoken(self) -> dict[str, str]:
+        """Return what was spoken on each bus of which anything was decoded (``a+b``: two)."""
+        out: dict[str, str] = {}
+        for ledger in self._ledgers.values():
+            name = ledger.protocol.name
+            out[ledger.bus] = f"{out[ledger.bus]}{AND}{name}" if ledger.bus in out else name
+        return out
 
     def judged(self) -> list[dict[str, Any]]:
         """Return on what each bus was judged, and how sure its times are."""

@@ -101,11 +101,19 @@ def diagnose(
             raise UndecidedError(Sentence(_ONCE, told=error.args[0])) from error
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: unless any begin well, it is judged as the first protocol's.
-        diagnosis = Diagnosis()
-        likely = error.likely or next(iter(PROTOCOLS))
-        done = hear(diagnosis, replace(options, protocol=likely))
-        if not diagnosis.incidents():
-            raise
+        others, diagnosis = diagnosis, Diagnosis()
+        first = next(iter(PROTOCOLS))
+        likely = {bus: name or first for bus, name in error.likely_of.items()}
+        spoken = {**others.spoken(), **likely, **options.protocols}
+        fallback = options.protocol if likely else error.likely or first
+        done = hear(diagnosis, replace(options, protocol=fallback, protocols=spoken))
+        told = {incident.bus for incident in diagnosis.incidents()}
+        if likely.keys() - told or not told:
+            if not others.spoken():
+                raise
+            diagnosis = others  # those whose protocol is known are judged all the same
+            if tell is not None:
+                tell.warn(str(error))
     incidents = diagnosis.incidents()
     return Diagnosed(
         incidents,
