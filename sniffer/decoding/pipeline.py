@@ -249,9 +249,9 @@ class Pipeline:
             if bus in self.summary.buses and bus not in self._torn:
                 self.summary.know(bus, decoder.models())
         if undecided:
-            bus, error = next(iter(undecided.items()))
+            bus, first = next(iter(undecided.items()))
             is_one = len(undecided) + len(self._decoders) == 1
-            named = error if is_one else error.on(bus)
+            named = first if is_one else first.on(bus)
             raise named.among({each: e.likely for each, e in undecided.items()})
 
     def mistaken(self) -> list[Mistake]:
