@@ -54,6 +54,7 @@ def test_each_incident_of_several_buses_is_told_with_its_bus(
     )
     assert "error arm: a servo that stopped answering (servo 2)" in words
     assert "error leg: a servo that stopped answering (servo 2)" in words
+    assert " see byte leg:" in words, "as --from @byte: takes it"
     assert told(capsys, path, "--why", "2").startswith("leg: a servo that stopped answering")
 
 

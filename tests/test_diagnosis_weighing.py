@@ -96,6 +96,16 @@ def test_the_same_bytes_time_and_again_are_no_two_requests_at_once() -> None:
     assert one.causes[0].cause == "malformed-command"
 
 
+def test_a_position_that_jumps_while_two_programs_ask_is_the_answer_to_the_others_question() -> (
+    None
+):
+    torn = [told(code) for code in ("damage-in-requests", "requests-run-together")]
+    (one,) = explain([*torn, told("position-jumps", servo_id=2)])
+    assert one.causes[0].cause == "two-masters"
+    (alone,) = explain([told("position-jumps", servo_id=2)])
+    assert alone.causes[0].cause == "position-jump"
+
+
 @pytest.mark.parametrize(
     ("way", "cause"),
     [("request-swallowed", "impatient-controller"), ("first-byte-torn", "turnaround")],

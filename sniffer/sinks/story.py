@@ -68,11 +68,11 @@ def print_incidents(
         _print_head(incident, console, clock=clock, is_one_bus=is_one_bus)
         as_which = leading.get(incident.number, incident.number)
         if as_which == incident.number:
-            _print_evidence(incident, console)
+            _print_evidence(incident, console, is_one_bus=is_one_bus)
         else:
             _hang(console, "   next: ", [Text(f"as {as_which}")])
             _print_causes(incident, console)
-            _print_places(incident, console)
+            _print_places(incident, console, is_one_bus=is_one_bus)
     if incidents and rest.told:
         console.print()
     if rest.told:
@@ -112,7 +112,7 @@ def _on(i: Incident, *, is_one_bus: bool) -> str:
     return "" if is_one_bus else f"{i.bus}: "
 
 
-def _print_evidence(i: Incident, console: Console) -> None:
+def _print_evidence(i: Incident, console: Console, *, is_one_bus: bool) -> None:
     """Print what to do, why, and where it is seen."""
     _hang(console, "   next: ", [Text(i.next)])
     _print_causes(i, console)
@@ -124,7 +124,7 @@ def _print_evidence(i: Incident, console: Console) -> None:
         found.append(f"and {left} more finding{'s' if left > 1 else ''}")
     for what in found:
         _hang(console, "   - ", [Text(what)])
-    _print_places(i, console)
+    _print_places(i, console, is_one_bus=is_one_bus)
 
 
 def _print_causes(i: Incident, console: Console) -> None:
@@ -135,10 +135,12 @@ def _print_causes(i: Incident, console: Console) -> None:
         _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
 
 
-def _print_places(i: Incident, console: Console) -> None:
+def _print_places(i: Incident, console: Console, *, is_one_bus: bool) -> None:
+    """Print where it is seen, as ``--from @byte:`` takes it."""
+    of_bus = "" if is_one_bus else f"{i.bus}:"
     offsets = dict.fromkeys(p.offset for f in i.findings for p in f.places)
     if offsets:
-        told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
+        told = ", ".join(f"byte {of_bus}{offset}" for offset in list(offsets)[:3])
         _hang(console, "   see ", [Text(told)])
 
 
