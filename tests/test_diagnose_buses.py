@@ -114,6 +114,19 @@ def test_the_verdict_of_a_report_names_the_bus(
     assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
 
 
+def test_a_bus_that_says_nothing_more_while_others_go_on_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Its port came off, or what drives it stopped: no byte tells which, and all was sound."""
+    arm, leg = (heard(bus, "rs30x", seconds=n) for bus, n in (("arm", 16.0), ("leg", 8.0)))
+    words = told(capsys, beside(tmp_path / "a.log", arm, leg))
+    arms, legs = words.removeprefix("nothing is wrong, judged on ").split("; ")
+    assert "nothing" not in arms
+    assert legs.endswith("then nothing for the last 8 s, while others go on")
+    few = beside(tmp_path / "b.log", arm, heard("leg", "rs30x", seconds=13))
+    assert "then nothing" not in told(capsys, few), "no two of them end at once"
+
+
 def at_another_rate(lines: list[str]) -> list[str]:
     """Return lines in which every byte is another one, always the same: no frame holds."""
     told = (line.rpartition("#") for line in lines)

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 TELLING_NS: Final = NS // 5000
 """Digits that a log does not have make its stamps worse by more than that, or are not told."""
 
+QUIET_NS: Final = 5 * NS
+"""So much sooner than the others a bus has ended that something ended it; a shutdown takes less."""
+
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
 as much as one over thousands."""
@@ -128,7 +131,9 @@ class Diagnosis:
     def sentence(self) -> str:
         """Return on what it was judged, in words."""
         parts = []
-        for judged, case in zip(self.judged(), self.cases(), strict=True):
+        cases = self.cases()
+        until_ns = max((case.last_ns for case in cases if case.has_clock), default=0)
+        for judged, case in zip(self.judged(), cases, strict=True):
             servos = len(judged["servo_ids"])
             good_ns = judged["latency_ns"] or 0
             unsure_ns = case.ledger.exchanges.unsure_ns
@@ -143,6 +148,14 @@ class Diagnosis:
             plural = "" if servos == 1 else "s"
             parts.append(
                 f"{judged['bus']}: {judged['frames']} {judged['protocol']} frames of "
-                f"{servos} servo{plural} {over}"
+                f"{servos} servo{plural} {over}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
+
+
+def _then_nothing(case: Case, until_ns: int) -> str:
+    """Say that a bus fell silent for good while others go on, and for longer than ever before."""
+    silent_ns = until_ns - case.last_ns if case.has_clock else 0
+    if silent_ns < QUIET_NS or silent_ns < 2 * case.line["pause_max"].max(initial=0):
+        return ""
+    return f", then nothing for the last {silent_ns / NS:.0f} s, while others go on"
