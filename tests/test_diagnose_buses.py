@@ -71,13 +71,23 @@ def test_what_strikes_several_buses_at_once_is_told_as_one_fault(
     path = robot(tmp_path / "a.log", arm=("dead:2@6s",), leg=("dead:3@6s",), head=())
     words = told(capsys, path)
     assert words.startswith(
-        "2 incidents: 1 and 2 servo-dead of 2 servos on arm and leg (96 %) 1 and 2 begin within "
+        "2 incidents: 1 and 2 servo-dead of 2 servos on arm and leg (96 %) Incidents 1 and 2 "
     )
     assert "look first at what these buses share (their supply, its switch and fuse)" in words
     assert words.count("next: ") == 2
     assert "next: as 1 " in words
     found = json.loads(within(capsys, "diagnose", path, "--format", "json").out)["incidents"]
     assert [i["bus"] for i in found] == ["arm", "leg"], "scripts have one a bus"
+
+
+@pytest.mark.parametrize("suffix", ["md", "html"])
+def test_a_report_tells_what_strikes_several_buses_at_once_as_one_fault(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@6s",), leg=("dead:3@6s",))
+    out = tmp_path / f"a.{suffix}"
+    assert within(capsys, "report", path, "-o", out).status == 0
+    assert "on arm and leg: one fault is likelier than 2" in out.read_text("utf-8")
 
 
 def test_faults_of_several_buses_that_begin_apart_are_faults_of_their_own(

@@ -51,8 +51,8 @@ class Shared:
         """It as a sentence, with what to look at first."""
         tenths = max(-(-self.apart_ns * 10 // NS), 1)
         return (
-            f"{numbered(self.numbers)} begin within {tenths / 10:g} s on {and_([*self.buses])}: "
-            f"one fault is likelier than {len(self.buses)}; look first at what these buses share "
+            f"Incidents {numbered(self.numbers)} begin within {tenths / 10:g} s on "
+            f"{and_([*self.buses])}: one fault is likelier than {len(self.buses)}; look first at what these buses share "
             f"({self.what})."
         )
 

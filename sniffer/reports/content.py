@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.reports.evidence import Exhibit
     from sniffer.statistics.collector import Collector
 
@@ -29,7 +30,8 @@ class Content:
 
     ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
     what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
-    is the sentence on what it was judged, ``rest`` what no cause could be told of.
+    is the sentence on what it was judged, ``rest`` what no cause could be told of, ``shared`` which
+    incidents of several buses are likely one fault.
     ``tool`` and ``made`` say by what and when it was told.
     """
 
@@ -45,6 +47,7 @@ class Content:
     exhibits: Mapping[int, Sequence[Exhibit]]
     judged: str
     rest: Rest
+    shared: Sequence[Shared]
     tool: str
     made: str
 
