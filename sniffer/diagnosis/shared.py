@@ -52,8 +52,8 @@ class Shared:
         tenths = max(-(-self.apart_ns * 10 // NS), 1)
         return (
             f"Incidents {numbered(self.numbers)} begin within {tenths / 10:g} s on "
-            f"{and_([*self.buses])}: one fault is likelier than {len(self.buses)}; look first at what these buses share "
-            f"({self.what})."
+            f"{and_([*self.buses])}: one fault is likelier than {len(self.buses)}; look first at "
+            f"what these buses share ({self.what})."
         )
 
 
