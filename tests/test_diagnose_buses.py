@@ -73,7 +73,7 @@ def test_what_strikes_several_buses_at_once_is_told_as_one_fault(
     assert words.startswith(
         "2 incidents: 1 and 2 servo-dead of 2 servos on arm and leg (96 %) Incidents 1 and 2 "
     )
-    assert "look first at what these buses share (their supply, its switch and fuse)" in words
+    assert "look first at what these buses share (their supply, its switch and fuse, " in words
     assert words.count("next: ") == 2
     assert "next: as 1 " in words
     found = json.loads(within(capsys, "diagnose", path, "--format", "json").out)["incidents"]

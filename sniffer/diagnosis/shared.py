@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.model import Incident
 
-SUPPLY: Final = "their supply, its switch and fuse"
+SUPPLY: Final = "their supply, its switch and fuse, cables in each other's port"
 PROGRAM: Final = "the program that speaks on them, its host, the hub of their adapters"
 GROUND: Final = "ground, and what starts beside them"
 

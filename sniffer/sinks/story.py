@@ -49,7 +49,7 @@ def print_incidents(
     What is to be mended comes first, what is only worth knowing behind it, bus by bus, each by its
     beginning; of several buses each incident has the name of its own.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
-    ``shared`` are incidents of several buses that are likely one fault: the first of one cause is
+    ``shared`` are incidents of several buses that are likely one fault: the surest of one cause is
     told at length, the others by their heads.
     """
     console = console or Console(highlight=False)
@@ -87,13 +87,14 @@ def print_incidents(
 
 
 def _leading(incidents: Sequence[Incident], shared: Sequence[Shared]) -> dict[int, int]:
-    """Return for incidents of one fault and cause the number of the one that is told at length."""
+    """Return for incidents of one fault and cause the number of the surest, told at length."""
     out = {}
     for group in shared:
-        first: dict[str, int] = {}
-        for i in incidents:
-            if i.number in group.numbers:
-                out[i.number] = first.setdefault(i.cause, i.number)
+        mine = [i for i in incidents if i.number in group.numbers]
+        for cause in {i.cause for i in mine}:
+            alike = [i for i in mine if i.cause == cause]
+            surest = max(alike, key=lambda i: i.causes[0].percent)
+            out.update({i.number: surest.number for i in alike})
     return out
 
 
