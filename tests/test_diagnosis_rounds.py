@@ -67,3 +67,12 @@ def test_what_a_loop_asks_in_turn_is_of_its_own_round(
         for kind in (servo, *(more for at, more in extra(cycle) if at == servo))
     ]
     assert not crossings_of(np.array(kinds))
+
+
+def test_what_a_program_does_seldom_servo_by_servo_is_no_other_round() -> None:
+    """Each is asked where it is, and told to stay there: twice in a capture, noise beside it."""
+    loop = list(range(4)) * 100
+    switching_on = [kind for servo in range(4) for kind in (servo, 4 + servo)]
+    setting_up = list(range(8, 28))
+    kinds = [*setting_up, *switching_on, *loop, *switching_on, *loop]
+    assert not crossings_of(np.array(kinds))

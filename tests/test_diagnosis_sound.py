@@ -75,6 +75,26 @@ def test_a_pause_that_is_long_for_the_loop_around_it_is_a_stall(protocol: str) -
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_program_that_waits_before_it_begins_something_else_does_not_stall(protocol: str) -> None:
+    """A loop that stops goes on where it was; who waits for another limb begins his next job."""
+    talk = Conversation(protocol)
+
+    def looks(cycles: int) -> None:
+        for _ in range(cycles):
+            talk.read(1, 0.5)
+            talk.read(2, 0.5)
+            talk.rest(20)
+
+    looks(200)
+    talk.rest(200)
+    for servo in (1, 2):  # where it is, and to stay there: seen once
+        talk.read(servo, 0.5)
+        talk.send(servo, 0.5)
+    looks(200)
+    assert "loop-stalls" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_phases_of_a_period_each_are_no_uneven_loop(protocol: str) -> None:
     parts = [(60, 20 * 1.4**k) for k in range(6)]
     assert not paced(protocol, *parts).diagnosed().incidents()

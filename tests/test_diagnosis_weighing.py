@@ -96,6 +96,23 @@ def test_the_same_bytes_time_and_again_are_no_two_requests_at_once() -> None:
     assert one.causes[0].cause == "malformed-command"
 
 
+def test_alarms_in_the_answers_of_a_servo_whose_clock_is_off_are_misread_bits() -> None:
+    off = [told(code, servo_id=2) for code in ("last-bits", "same-bit", "damage-one-servo")]
+    hot = [told(code, servo_id=2) for code in ("device-temperature-limit", "device-recovered")]
+    assert [e.causes[0].cause for e in explain([*off, *hot])] == ["clock-drift"]
+    assert [e.causes[0].cause for e in explain(hot)] == ["overheat"]
+
+
+def test_a_position_that_jumps_while_two_programs_ask_is_the_answer_to_the_others_question() -> (
+    None
+):
+    torn = [told(code) for code in ("damage-in-requests", "requests-run-together")]
+    (one,) = explain([*torn, told("position-jumps", servo_id=2)])
+    assert one.causes[0].cause == "two-masters"
+    (alone,) = explain([told("position-jumps", servo_id=2)])
+    assert alone.causes[0].cause == "position-jump"
+
+
 @pytest.mark.parametrize(
     ("way", "cause"),
     [("request-swallowed", "impatient-controller"), ("first-byte-torn", "turnaround")],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.tracking import OVER_NS, Stage, Tracker
@@ -44,6 +45,22 @@ def test_another_first_cause_is_told_once_it_stays() -> None:
     assert (change.stage, change.before) == (Stage.CHANGED, "servo-dead")
     assert str(change).startswith("incident 1 on bus0 is brownout (87 %), not servo-dead: ")
     assert tracker.update("bus0", [on(6, "brownout")], NOW + 5 * NS) == []
+
+
+def test_an_incident_of_more_servos_than_were_told_is_told_again_once() -> None:
+    """A cable that came off is seen servo by servo: the first one alone misled whoever looked."""
+    tracker = Tracker()
+
+    def of(*servos: int) -> Incident:
+        return replace(on(sum(servos)), servo_ids=servos)
+
+    tracker.update("bus0", [of(3)], NOW)
+    assert tracker.update("bus0", [of(2, 3)], NOW + NS) == []
+    (change,) = tracker.update("bus0", [of(1, 2, 3)], NOW + 2 * NS)
+    assert (change.stage, change.before) == (Stage.CHANGED, "servo-dead")
+    assert str(change).startswith("incident 1 on bus0 is of 3 servos now: servo-dead (87 %): ")
+    assert tracker.update("bus0", [of(1, 2, 3)], NOW + 3 * NS) == []
+    assert tracker.update("bus0", [of(1, 2)], NOW + 4 * NS) == []
 
 
 def test_what_does_not_go_on_is_over_and_opens_again_when_it_does() -> None:

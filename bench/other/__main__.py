@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from bench.other.brought import BROUGHT, BROUGHT_SOUND
+from bench.other.of_buses import ROBOTS, Robot, judge_robot
 from bench.other.of_clients import CLIENTS
 from bench.other.of_line import LINE
 from bench.other.of_programs import PROGRAMS
@@ -54,6 +55,11 @@ def verdict(judged: Judged) -> Verdict:
     return Verdict(is_cause, is_servo, len(told))
 
 
+def judged_in(where: Path, case: Case | Robot) -> Judged:
+    """Have a conversation, or those of a robot's buses, diagnosed."""
+    return judge_robot(case, where) if isinstance(case, Robot) else judge(case, where)
+
+
 def shown(judged: Judged) -> str:
     """Return what was said, a line an incident."""
     lines = [
@@ -69,7 +75,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="conversations whose names begin so")
     parser.add_argument("--write", type=Path, help="keep the captures in this folder")
     args = parser.parse_args()
-    every: tuple[Case, ...] = (
+    every: tuple[Case | Robot, ...] = (
         *SOUND,
         *BROUGHT_SOUND,
         *LINE,
@@ -77,13 +83,14 @@ def main() -> None:
         *PROGRAMS,
         *BROUGHT,
         *CLIENTS,
+        *ROBOTS,
     )
     cases = [c for c in every if not args.names or c.name.startswith(tuple(args.names))]
     verdicts, alarms, sound = [], 0, 0
     with tempfile.TemporaryDirectory() as passing, ThreadPoolExecutor(AT_ONCE) as pool:
         where = args.write or Path(passing)
         where.mkdir(exist_ok=True)
-        for judged in pool.map(partial(judge, where=where), cases):
+        for judged in pool.map(partial(judged_in, where), cases):
             if judged.case.cause:
                 one = verdict(judged)
                 verdicts.append(one)

@@ -85,7 +85,7 @@ def diagnose(
             click.echo(f"{name_of(capture)}:")
         with unpadded(console):
             if why is not None:
-                print_weighing(done.incidents, why, console, done.names)
+                print_weighing(done.incidents, why, console, done.names, is_one_bus=done.is_one_bus)
             else:
                 print_incidents(
                     done.incidents,
@@ -94,5 +94,7 @@ def diagnose(
                     rest=done.rest,
                     console=console,
                     names=done.names,
+                    shared=done.shared,
+                    is_one_bus=done.is_one_bus,
                 )
     return status

@@ -133,17 +133,33 @@ class UndecidedError(InputError):
     """No protocol explains the bytes well enough, or two do.
 
     ``likely`` names the one whose frames are meant although none holds; empty: nobody knows.
+    ``likely_of`` has that by bus, for all buses whose protocol cannot be told, where it is known
+    which these are.
     """
 
-    def __init__(self, told: str, *, likely: str = "") -> None:
+    def __init__(
+        self, told: str, *, likely: str = "", likely_of: Mapping[str, str] | None = None
+    ) -> None:
         super().__init__(told)
         self.likely = likely
+        self.likely_of = dict(likely_of or {})
 
     def of(self, name: str) -> UndecidedError:
         """Return the same of an input that is named: these bytes of ``name``; empty: of none."""
-        told, whose = self.args[0], f" of {name}" if name else ""
-        told = told.told_of(whose=whose) if isinstance(told, Sentence) else told
-        return UndecidedError(told, likely=self.likely)
+        return self._with(whose=f" of {name}" if name else "")
+
+    def on(self, bus: str) -> UndecidedError:
+        """Return the same of one bus of several."""
+        return self._with(bus=f" on {bus}")
+
+    def among(self, likely_of: Mapping[str, str]) -> UndecidedError:
+        """Return the same where these are all the buses of which it cannot be told."""
+        return UndecidedError(self.args[0], likely=self.likely, likely_of=likely_of)
+
+    def _with(self, **words: str) -> UndecidedError:
+        told = self.args[0]
+        told = told.told_of(**words) if isinstance(told, Sentence) else told
+        return UndecidedError(told, likely=self.likely, likely_of=self.likely_of)
 
 
 def _hint(head: bytes) -> tuple[str, str]:
@@ -219,8 +235,8 @@ class Scores:
         why = f" ({shown or 'none explains any of them'})"
         likely, told = _hint(self._data)
         these = "this {size} byte" if self.size == 1 else "these {size} bytes"
-        told = f"cannot tell the protocol of {these}{{whose}}{{why}}: {told}"
-        told = Sentence(told, size=self.size, whose="", why=why)
+        told = f"cannot tell the protocol of {these}{{bus}}{{whose}}{{why}}: {told}"
+        told = Sentence(told, size=self.size, bus="", whose="", why=why)
         raise UndecidedError(told, likely=likely)
 
     def _found(self, first: str, others: Sequence[str]) -> Detection | None:

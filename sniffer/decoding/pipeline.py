@@ -233,14 +233,14 @@ class Pipeline:
 
         A bus whose protocol cannot be told does not keep the others from being decoded.
         """
-        undecided: UndecidedError | None = None
+        undecided: dict[str, UndecidedError] = {}
         for bus in list(self._waiting):
             if not any(chunk.data for chunk in self._waiting[bus]):
                 continue  # a bus on which nothing was said
             try:
                 self._start(bus)
             except UndecidedError as error:
-                undecided = undecided or error
+                undecided[bus] = error
         # Where one bus goes on, the end of another is a silence, not a cut.
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
@@ -250,8 +250,11 @@ class Pipeline:
         for bus, decoder in self._decoders.items():
             if bus in self.summary.buses and bus not in self._torn:
                 self.summary.know(bus, decoder.models())
-        if undecided is not None:
-            raise undecided
+        if undecided:
+            bus, first = next(iter(undecided.items()))
+            is_one = len(undecided) + len(self._decoders) == 1
+            named = first if is_one else first.on(bus)
+            raise named.among({each: e.likely for each, e in undecided.items()})
 
     def mistaken(self) -> list[Mistake]:
         """Return the buses whose named protocol explains little, though another one does."""

@@ -58,7 +58,7 @@ _CAUSES: Final = (
         "The tap (or one side of the bus) runs at another rate than what is heard.",
         "Nothing holds from the first byte on; the same bytes read at another rate are frames; a UART finds no stop bits; a bit of every byte is as the one before it (a line a few per cent slower, where some frames hold).",
         "Another protocol, inverted or stuck line.",
-        "Decode or record at the rate that is named (`--baud`), or correct the controller's rate.",
+        "Decode or record at the rate that is named (`--baud`; where none is, `sniffer record PORT` without a rate finds it), or correct the controller's rate.",
         "Read the same bytes at the rate that is named: `sniffer decode FILE --baud RATE`.",
     ),
     Cause(

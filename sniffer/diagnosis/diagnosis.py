@@ -6,11 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.joining import joined, runs
+from sniffer.decoding.names import AND
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger import Ledger
 from sniffer.diagnosis.rest import rest_of
+from sniffer.diagnosis.shared import shared
 from sniffer.ground.model import NS, Clock
 
 if TYPE_CHECKING:
@@ -19,12 +21,16 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 
 TELLING_NS: Final = NS // 5000
 """Digits that a log does not have make its stamps worse by more than that, or are not told."""
+
+QUIET_NS: Final = 5 * NS
+"""So much sooner than the others a bus has ended that something ended it; a shutdown takes less."""
 
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
@@ -84,6 +90,14 @@ class Diagnosis:
         found = [incident for case in self.cases() for incident in incidents(case)]
         return tuple(replace(incident, number=n) for n, incident in enumerate(found, 1))
 
+    def spoken(self) -> dict[str, str]:
+        """Return what was spoken on each bus of which anything was decoded (``a+b``: two)."""
+        out: dict[str, str] = {}
+        for ledger in self._ledgers.values():
+            name = ledger.protocol.name
+            out[ledger.bus] = f"{out[ledger.bus]}{AND}{name}" if ledger.bus in out else name
+        return out
+
     def judged(self) -> list[dict[str, Any]]:
         """Return on what each bus was judged, and how sure its times are."""
         return [
@@ -105,6 +119,11 @@ class Diagnosis:
         """Whether the times of all buses are measured."""
         return all(case.has_clock for case in self.cases())
 
+    def shared(self, incidents: Sequence[Incident]) -> tuple[Shared, ...]:
+        """Return which incidents begin on several buses at one moment: likely one fault each."""
+        began = {case.bus: case.first_ns for case in self.cases() if case.has_clock}
+        return shared(incidents, began)
+
     def rest(self, incidents: Sequence[Incident]) -> Rest:
         """Return the warnings and errors that no incident has, in words, and what to do next."""
         return rest_of(self.cases(), incidents)
@@ -112,8 +131,11 @@ class Diagnosis:
     def sentence(self) -> str:
         """Return on what it was judged, in words."""
         parts = []
-        for judged, case in zip(self.judged(), self.cases(), strict=True):
-            servos = len(judged["servo_ids"])
+        cases = self.cases()
+        until_ns = max((case.last_ns for case in cases if case.has_clock), default=0)
+        for judged, case in zip(self.judged(), cases, strict=True):
+            # who looks for servos asks ids that there are not
+            servos = len(case.answering) or len(judged["servo_ids"])
             good_ns = judged["latency_ns"] or 0
             unsure_ns = case.ledger.exchanges.unsure_ns
             good_ns = unsure_ns if unsure_ns > good_ns + TELLING_NS else good_ns
@@ -127,6 +149,14 @@ class Diagnosis:
             plural = "" if servos == 1 else "s"
             parts.append(
                 f"{judged['bus']}: {judged['frames']} {judged['protocol']} frames of "
-                f"{servos} servo{plural} {over}"
+                f"{servos} servo{plural} {over}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
+
+
+def _then_nothing(case: Case, until_ns: int) -> str:
+    """Say that a bus fell silent for good while others go on, and for longer than ever before."""
+    silent_ns = until_ns - case.last_ns if case.has_clock else 0
+    if silent_ns < QUIET_NS or silent_ns < 2 * case.line["pause_max"].max(initial=0):
+        return ""
+    return f", then nothing for the last {silent_ns / NS:.0f} s, while others go on"

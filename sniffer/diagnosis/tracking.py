@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +45,7 @@ class IncidentChange:
     """Something that became of an incident.
 
     ``t_ns`` is when it was found, on the clock of the bus; ``before`` the first cause that was told
-    before it changed.
+    before it changed: the same one where it is of more servos since.
     """
 
     stage: Stage
@@ -59,6 +60,8 @@ class IncidentChange:
         match self.stage:
             case Stage.OPENED:
                 return f"{who}: {sure}: {i.story}"
+            case Stage.CHANGED if self.before == i.cause:
+                return f"{who} is of {counted(len(i.servo_ids), 'servo')} now: {sure}: {i.story}"
             case Stage.CHANGED:
                 return f"{who} is {sure}, not {self.before}: {i.story}"
             case Stage.OVER:
@@ -75,6 +78,7 @@ class Tracked:
     """An incident that is known, as it is now; its number stays.
 
     ``told`` is the first cause that was told, ``is_over`` that it has not gone on for a while.
+    ``servos`` are how many it was told of, ``wider`` how many times in a row it was of more.
     """
 
     incident: Incident
@@ -82,6 +86,8 @@ class Tracked:
     is_over: bool = False
     missing: int = 0
     doubts: int = 0
+    servos: int = 0
+    wider: int = 0
 
 
 @dataclass(slots=True)
@@ -113,6 +119,7 @@ class Tracker:
                 continue
             self._number += 1
             new = Tracked(replace(incident, number=self._number), incident.cause)
+            new.servos = len(incident.servo_ids)
             known.append(new)
             changes.append(IncidentChange(Stage.OPENED, now_ns, new.incident))
         for one in known:
@@ -146,13 +153,24 @@ def _go_on(one: Tracked, incident: Incident, now_ns: int) -> list[IncidentChange
     changes: list[IncidentChange] = []
     if one.is_over and went_on and now_ns - incident.last_ns <= OVER_NS:
         one.is_over = False
-        one.told, one.doubts = incident.cause, 0
+        _tell(one)
         return [IncidentChange(Stage.OPENED, now_ns, one.incident)]
     one.doubts = one.doubts + 1 if incident.cause != one.told else 0
     if one.doubts >= SURE and not one.is_over:
         changes.append(IncidentChange(Stage.CHANGED, now_ns, one.incident, one.told))
-        one.told, one.doubts = incident.cause, 0
+        _tell(one)
+    is_of_servos = incident.cause == one.told and one.servos
+    one.wider = one.wider + 1 if is_of_servos and len(incident.servo_ids) > one.servos else 0
+    if one.wider >= SURE and not one.is_over:  # what befell one servo befell others, too
+        changes.append(IncidentChange(Stage.CHANGED, now_ns, one.incident, one.told))
+        _tell(one)
     return changes
+
+
+def _tell(one: Tracked) -> None:
+    """Note that an incident was told as it is now."""
+    one.told, one.doubts = one.incident.cause, 0
+    one.servos, one.wider = len(one.incident.servo_ids), 0
 
 
 def _matched(known: Sequence[Tracked], found: Sequence[Incident]) -> dict[int, Tracked]:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
@@ -47,6 +48,13 @@ class Diagnosed:
     ending: Ending
     names: ServoNames = field(default_factory=ServoNames)
     """What servos are called, where they are shown to people."""
+    shared: tuple[Shared, ...] = ()
+    """Incidents that begin on several buses at one moment: likely one fault of what these share."""
+
+    @property
+    def is_one_bus(self) -> bool:
+        """Whether all of it is of one bus, which nobody needs to name."""
+        return len({each["bus"] for each in self.judged}) == 1
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/diagnosis.schema.json`` has it."""
@@ -93,11 +101,19 @@ def diagnose(
             raise UndecidedError(Sentence(_ONCE, told=error.args[0])) from error
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: unless any begin well, it is judged as the first protocol's.
-        diagnosis = Diagnosis()
-        likely = error.likely or next(iter(PROTOCOLS))
-        done = hear(diagnosis, replace(options, protocol=likely))
-        if not diagnosis.incidents():
-            raise
+        others, diagnosis = diagnosis, Diagnosis()
+        first = next(iter(PROTOCOLS))
+        likely = {bus: name or first for bus, name in error.likely_of.items()}
+        spoken = {**others.spoken(), **likely, **options.protocols}
+        fallback = options.protocol if likely else error.likely or first
+        done = hear(diagnosis, replace(options, protocol=fallback, protocols=spoken))
+        told = {incident.bus for incident in diagnosis.incidents()}
+        if likely.keys() - told or not told:
+            if not others.spoken():
+                raise
+            diagnosis = others  # those whose protocol is known are judged all the same
+            if tell is not None:
+                tell.warn(str(error))
     incidents = diagnosis.incidents()
     return Diagnosed(
         incidents,
@@ -107,4 +123,5 @@ def diagnose(
         diagnosis.has_clock,
         done.ending,
         done.summary.names,
+        diagnosis.shared(incidents),
     )

@@ -168,6 +168,7 @@ def _content(
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
         rest=hearing.diagnosis.rest(incidents).of(inputs).named(hearing.summary.names),
+        shared=hearing.diagnosis.shared(incidents),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
     )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
     from sniffer.reports.evidence import Exhibit
     from sniffer.statistics.collector import Collector
 
@@ -29,7 +30,8 @@ class Content:
 
     ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
     what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
-    is the sentence on what it was judged, ``rest`` what no cause could be told of.
+    is the sentence on what it was judged, ``rest`` what no cause could be told of, ``shared`` which
+    incidents of several buses are likely one fault.
     ``tool`` and ``made`` say by what and when it was told.
     """
 
@@ -45,6 +47,7 @@ class Content:
     exhibits: Mapping[int, Sequence[Exhibit]]
     judged: str
     rest: Rest
+    shared: Sequence[Shared]
     tool: str
     made: str
 
@@ -92,11 +95,12 @@ class Content:
         ]
 
     def titled(self, incident: Incident) -> str:
-        """Return what an incident is, in words: its likeliest cause and whom it struck."""
+        """Return what an incident is, in words: its likeliest cause, where and whom."""
         title = CAUSES[incident.cause].title
         title = title[:1].upper() + title[1:]
         who = listed([self.names.servo(incident.bus, one) for one in incident.servo_ids], 4)
-        return f"{title} ({who})" if who else title
+        on = f" on {incident.bus}" if len(self.summary.buses) > 1 else ""
+        return f"{title}{on} ({who})" if who else f"{title}{on}"
 
 
 def happened(incident: Incident) -> str:

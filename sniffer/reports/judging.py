@@ -160,7 +160,10 @@ def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     ]
     told = counted(len(mine), "incident") if mine else "no incident"
     if mine:
-        first = "; ".join(f"{i.cause}: {i.story}" for i in mine[:TOLD])
+        several = len(heard.summary.buses) > 1
+        first = "; ".join(
+            f"{i.cause}{f' on {i.bus}' if several else ''}: {i.story}" for i in mine[:TOLD]
+        )
         told += f" ({first}{'; ...' if len(mine) > TOLD else ''})"
     yield Figure(len(mine), len(mine), told)
 

@@ -136,6 +136,7 @@ def _verdict(content: Content) -> Markup:
         tag("p", tale(worst), cls="story"),
         tag("p", tag("b", "Do next: "), worst.next, cls="next"),
         *([tag("p", tag("a", f"and {more}", href="#incidents"))] if others else []),
+        *(tag("p", each.told) for each in content.shared),
         *rest,
         *broken,
         judged,

@@ -84,6 +84,8 @@ def _verdict(content: Content) -> Iterator[str]:
         sign, level = SIGNS[worst.severity], worst.severity.name.lower()
         yield f"**{sign} {level}: {told(content.titled(worst))}**"
         yield from ("", told(tale(worst)), "", f"Do next: {told(worst.next)}")
+        for each in content.shared:
+            yield from ("", told(each.told))
     if content.rest.told:
         yield from ("", f"No cause can be told of {told(content.rest.told)}.")
         yield from ("", f"Do next: {told(content.rest.next)}")

@@ -11,14 +11,16 @@ from rich.text import Text
 
 from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.shared import numbered
 from sniffer.ground.model import NS, Severity, SnifferError
-from sniffer.ground.wording import and_
+from sniffer.ground.wording import and_, counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.diagnosis import Finding, Incident
     from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.shared import Shared
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -39,23 +41,38 @@ def print_incidents(
     rest: Rest,
     console: Console | None = None,
     names: ServoNames | None = None,
+    shared: Sequence[Shared] = (),
+    is_one_bus: bool = True,
 ) -> None:
     """Print incidents: what happened, why, what speaks against the second cause, what to do.
 
-    What is to be mended comes first, what is only worth knowing behind it, each by its beginning.
+    What is to be mended comes first, what is only worth knowing behind it, bus by bus, each by its
+    beginning; of several buses each incident has the name of its own.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
+    ``shared`` are incidents of several buses that are likely one fault: the surest of one cause is
+    told at length, the others by their heads.
     """
     console = console or Console(highlight=False)
     names = names or ServoNames()
     rest, incidents = rest.named(names), [i.named(names) for i in incidents]
     incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
     if len(incidents) > 1:  # whoever reads the first screen alone knows what stands below it
-        _hang(console, f"{len(incidents)} incidents: ", [Text(_in_short(incidents, names))])
+        told = [_in_short(incidents, names, shared, is_one_bus=is_one_bus)]
+        told += [group.told for group in shared]
+        _hang(console, f"{len(incidents)} incidents: ", [Text(each) for each in told])
         console.print()
+    leading = _leading(incidents, shared)
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()
-        _print(incident, console, clock=clock)
+        _print_head(incident, console, clock=clock, is_one_bus=is_one_bus)
+        as_which = leading.get(incident.number, incident.number)
+        if as_which == incident.number:
+            _print_evidence(incident, console, is_one_bus=is_one_bus)
+        else:
+            _hang(console, "   next: ", [Text(f"as {as_which}")])
+            _print_causes(incident, console)
+            _print_places(incident, console, is_one_bus=is_one_bus)
     if incidents and rest.told:
         console.print()
     if rest.told:
@@ -69,20 +86,37 @@ def print_incidents(
         console.print(Text(f"nothing is wrong, judged on {judged}"))
 
 
-def _print(i: Incident, console: Console, *, clock: bool) -> None:
-    """Print one incident; what does not fit in a line goes on below where it began."""
+def _leading(incidents: Sequence[Incident], shared: Sequence[Shared]) -> dict[int, int]:
+    """Return for incidents of one fault and cause the number of the surest, told at length."""
+    out = {}
+    for group in shared:
+        mine = [i for i in incidents if i.number in group.numbers]
+        for cause in {i.cause for i in mine}:
+            alike = [i for i in mine if i.cause == cause]
+            surest = max(alike, key=lambda i: i.causes[0].percent)
+            out.update({i.number: surest.number for i in alike})
+    return out
+
+
+def _print_head(i: Incident, console: Console, *, clock: bool, is_one_bus: bool) -> None:
+    """Print when an incident was, and its story; what does not fit goes on below its beginning."""
     level = i.severity.name.lower()
     head = Text(f"{moment(i.first_ns)} " if clock else "")
     head.append(level, style=_COLOUR[level])
-    head.append(f"  {i.story}", style="bold")
+    head.append(f"  {_on(i, is_one_bus=is_one_bus)}{i.story}", style="bold")
     often = _how_often(i, clock=clock)
     _hang(console, f"{i.number}  ", [head, *([Text(often)] if often else [])])
+
+
+def _on(i: Incident, *, is_one_bus: bool) -> str:
+    """Return the name of the bus before what happened there, where there are several."""
+    return "" if is_one_bus else f"{i.bus}: "
+
+
+def _print_evidence(i: Incident, console: Console, *, is_one_bus: bool) -> None:
+    """Print what to do, why, and where it is seen."""
     _hang(console, "   next: ", [Text(i.next)])
-    for rank, cause in enumerate(i.causes):
-        line = Text(cause.cause)
-        if not rank:
-            line.append(f": {cause.brief or cause.why}")
-        _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
+    _print_causes(i, console)
     found = [f.what for f in _by_weight(i)[:FINDINGS_SHOWN]]
     if i.against:
         _hang(console, "   ", [Text(i.against)])
@@ -91,9 +125,23 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
         found.append(f"and {left} more finding{'s' if left > 1 else ''}")
     for what in found:
         _hang(console, "   - ", [Text(what)])
+    _print_places(i, console, is_one_bus=is_one_bus)
+
+
+def _print_causes(i: Incident, console: Console) -> None:
+    for rank, cause in enumerate(i.causes):
+        line = Text(cause.cause)
+        if not rank:
+            line.append(f": {cause.brief or cause.why}")
+        _hang(console, f"{f'{cause.percent} %':>7}  ", [line])
+
+
+def _print_places(i: Incident, console: Console, *, is_one_bus: bool) -> None:
+    """Print where it is seen, as ``--from @byte:`` takes it."""
+    of_bus = "" if is_one_bus else f"{i.bus}:"
     offsets = dict.fromkeys(p.offset for f in i.findings for p in f.places)
     if offsets:
-        told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
+        told = ", ".join(f"byte {of_bus}{offset}" for offset in list(offsets)[:3])
         _hang(console, "   see ", [Text(told)])
 
 
@@ -104,13 +152,32 @@ def _by_weight(i: Incident) -> Sequence[Finding]:
     return sorted(i.findings, key=lambda f: -counts.get(f.code, 0.0))
 
 
-def _in_short(incidents: Sequence[Incident], names: ServoNames) -> str:
-    """Return the first cause of each incident, with whose it is and how sure that is."""
-    told = []
+def _in_short(
+    incidents: Sequence[Incident],
+    names: ServoNames,
+    shared: Sequence[Shared],
+    *,
+    is_one_bus: bool,
+) -> str:
+    """Return the first cause of each incident, with whose it is and how sure that is.
+
+    Those of one cause that begin on several buses at one moment are told at once.
+    """
+    leading = _leading(incidents, shared)
+    rows: dict[int, list[Incident]] = {}
     for i in incidents:
-        each = [names.servo(i.bus, servo) for servo in i.servo_ids]
-        who = f" of {and_(each) if len(each) <= NAMED else f'{len(each)} servos'}" if each else ""
-        told.append(f"{i.number} {i.cause}{who} ({i.causes[0].percent} %)")
+        rows.setdefault(leading.get(i.number, i.number), []).append(i)
+    told = []
+    for row in rows.values():
+        each = [names.servo(i.bus, servo) for i in row for servo in i.servo_ids]
+        is_few = len(each) <= NAMED and len(row) == 1
+        who = f" of {and_(each) if is_few else counted(len(each), 'servo')}" if each else ""
+        on = "" if is_one_bus else f" on {and_([i.bus for i in row])}"
+        sure = sorted({i.causes[0].percent for i in row})
+        told.append(
+            f"{numbered([i.number for i in row])} {row[0].cause}{who}{on} "
+            f"({' to '.join(str(s) for s in dict.fromkeys((sure[0], sure[-1])))} %)"
+        )
     return ", ".join(told)
 
 
@@ -135,6 +202,8 @@ def print_weighing(
     number: str,
     console: Console | None = None,
     names: ServoNames | None = None,
+    *,
+    is_one_bus: bool = True,
 ) -> None:
     """Print how the causes of one incident were weighed: every finding with what it counts.
 
@@ -147,7 +216,7 @@ def print_weighing(
         known = f"1 to {len(incidents)}" if incidents else "none: nothing is wrong"
         raise SnifferError(f"there is no incident {number}: {known}")
     incident = incident.named(names or ServoNames())
-    console.print(Text(incident.story, style="bold"))
+    console.print(Text(_on(incident, is_one_bus=is_one_bus) + incident.story, style="bold"))
     for cause in incident.causes:
         known_cause = CAUSES[cause.cause]
         table = Table(box=None, padding=(0, 0, 0, 2))

@@ -227,7 +227,9 @@ def crossings_of(kinds: I64) -> int:
     share = pairs / np.maximum(total, 1)[:, None]
     usual = np.where((total >= FOLLOWED) & (share.max(1) >= USUAL), share.argmax(1), -1)
     before, one, behind = kinds[:-2], kinds[1:-1], kinds[2:]
-    rows = (usual[before] == behind) & (one != before) & (one != behind)
+    # what is seldom said is of a step that a program takes now and then, as switching on servo by servo
+    usual[len(often)] = -1
+    rows = (one != len(often)) & (usual[before] == behind) & (one != before) & (one != behind)
     rows &= (share[before, one] < UNUSUAL) & (share[one, behind] < UNUSUAL)
     places = np.zeros((n, n), np.int64)
     np.add.at(places, (before[rows], one[rows]), 1)

@@ -44,6 +44,7 @@ FINDINGS: Final = (
         "tap",
         "Not one answer was heard in the whole capture.",
         "At least eight requests that must be answered, and no answer.",
+        settle="Look whether the robot moves: then servos do answer, and the tap hears one wire of two. Else measure the supply at a servo and see whose cable is in this port; then ping one at each rate.",
     ),
     FindingCode(
         "nobody-asks",
@@ -64,6 +65,7 @@ FINDINGS: Final = (
         "No servo answers, and the controller waits for each answer as long as it can be due.",
         "The time to the next request is never shorter than the manual's window for an answer. It counts "
         "little more than half where no request is repeated: who asks once a cycle waits as long behind an answer.",
+        settle="Measure the supply at a servo, and see whose cable is in this port; then ping one at each rate.",
     ),
     FindingCode(
         "clock-stepped",

@@ -50,7 +50,8 @@ FINDINGS: Final = (
         "pauses, than two of those around it, and than two of those before the same request, beyond what "
         "the stamps leave open, with no missing answer or damage in them, not in every cycle for a while, "
         "not alike and three tenths of the time, nor behind a request that mostly has such a pause behind "
-        "it, nor where the two requests before, around or behind it mostly have one: the program's steps; "
+        "it, nor where the two requests before, around or behind it mostly have one, or hardly ever follow each "
+        "other: the program's steps; "
         "nor before one servo after the other, alike in length and in time, as who homes them one by one rests, "
         "nor as long as those before it mostly are, or behind it: a loop that was slower, or will be.",
     ),

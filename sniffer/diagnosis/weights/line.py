@@ -40,9 +40,15 @@ _SAID: Final[tuple[_Row, ...]] = tuple(
         "load-high-and-still",
         "voltage-sag",
         "speaks-unasked",
+        "device-temperature-limit",
+        "device-temperature-alarm",
+        "device-overload",
+        "device-input-voltage",
+        "device-alarm",
+        "device-recovered",
     )
 )
-"""What misread answers of one servo state of it."""
+"""What misread answers of one servo state of it: two bits that a sum or an XOR takes for none, too."""
 
 _LOST: Final[tuple[_Row, ...]] = (
     ("misses-now-and-then", 0.2, "torn requests are not answered"),

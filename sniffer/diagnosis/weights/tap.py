@@ -145,10 +145,10 @@ WEIGHTS: Final = (
     *for_(
         "tap-one-way",
         ("no-answer-heard", 0.5, "many requests to several servos, and not one answer"),
-        ("nobody-answers", 3.0, "not one answer in the whole capture"),
+        ("nobody-answers", 2.2, "not one answer in the whole capture"),
         ("nobody-asks", 4.0, "answers, and not one request"),
         ("no-request-heard", 0.5, "answers, and not one request so far"),
-        ("goes-on-unanswered", 1.5, "the controller does hear answers"),
+        ("goes-on-unanswered", 2.3, "the controller does hear answers"),
         ("waits-in-vain", -3.0, "the controller hears no answer either"),
         ("no-response", 0.5, "the answers are on the wire that is not heard"),
         ("unsolicited-response", 0.5, "the requests are on the wire that is not heard"),
@@ -202,7 +202,7 @@ WEIGHTS: Final = (
     *for_(
         "wrong-baud",
         ("nobody-answers", 1.6, "nobody understands the controller, or nobody is there"),
-        ("waits-in-vain", 3.0, "the controller waits for each answer, and none comes"),
+        ("waits-in-vain", 1.8, "the controller waits for each answer, and none comes"),
         ("goes-on-unanswered", -4.0, "the controller does hear answers"),
     ),
 )

@@ -178,6 +178,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("device-checksum", 0.1, "a servo refuses what ran together"),
         ("goal-jump", 0.4, "two programs state goals"),
         ("joint-not-following", 0.3, "two programs state goals"),
+        ("position-jumps", 0.3, "the answer to the other's question is taken for a position"),
     ),
 )
 """One line each."""

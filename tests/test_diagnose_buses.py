@@ -1,0 +1,181 @@
+"""``sniffer diagnose`` of several buses: whose an incident is, and which are one fault."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.diagnosis.shared import numbered
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.faults import read_fault
+from sniffer.simulation.render import candump, frame_reads
+from tests.commands import within
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def heard(name: str, protocol: str, *faults: str, seed: int = 1, seconds: float = 12) -> list[str]:
+    """Return the lines of a log that a bus has, with its faults."""
+    struck = [read_fault(fault) for fault in faults]
+    frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
+    return candump(frame_reads(frames)).replace(" bus0 ", f" {name} ").splitlines()
+
+
+def robot(path: Path, **buses: tuple[str, ...]) -> Path:
+    """Write what is heard of a robot: each bus with its faults."""
+    seeds = enumerate(buses.items())
+    return beside(path, *(heard(bus, "mightyzap", *f, seed=n) for n, (bus, f) in seeds))
+
+
+def beside(path: Path, *buses: list[str]) -> Path:
+    """Write what is heard of buses side by side in one log."""
+    lines = [line for bus in buses for line in bus]
+    lines.sort(key=lambda line: float(line.split(")")[0][1:]))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path
+
+
+def told(capsys: pytest.CaptureFixture[str], path: Path, *arguments: str) -> str:
+    done = within(capsys, "diagnose", path, *arguments)
+    assert done.status == 0, done.err
+    return " ".join(done.out.split())
+
+
+def test_each_incident_of_several_buses_is_told_with_its_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@3s",), leg=("dead:2@8s",))
+    words = told(capsys, path)
+    assert words.startswith(
+        "2 incidents: 1 servo-dead of servo 2 on arm (96 %), 2 servo-dead of servo 2 on leg (96 %) "
+    )
+    assert "error arm: a servo that stopped answering (servo 2)" in words
+    assert "error leg: a servo that stopped answering (servo 2)" in words
+    assert " see byte leg:" in words, "as --from @byte: takes it"
+    assert told(capsys, path, "--why", "2").startswith("leg: a servo that stopped answering")
+
+
+def test_the_bus_of_an_incident_is_not_told_where_there_is_one(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@3s",)))
+    assert "arm: a servo" not in words
+
+
+def test_what_strikes_several_buses_at_once_is_told_as_one_fault(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@6s",), leg=("dead:3@6s",), head=())
+    words = told(capsys, path)
+    assert words.startswith(
+        "2 incidents: 1 and 2 servo-dead of 2 servos on arm and leg (96 %) Incidents 1 and 2 "
+    )
+    assert "look first at what these buses share (their supply, its switch and fuse, " in words
+    assert words.count("next: ") == 2
+    assert "next: as 1 " in words
+    found = json.loads(within(capsys, "diagnose", path, "--format", "json").out)["incidents"]
+    assert [i["bus"] for i in found] == ["arm", "leg"], "scripts have one a bus"
+
+
+@pytest.mark.parametrize("suffix", ["md", "html"])
+def test_a_report_tells_what_strikes_several_buses_at_once_as_one_fault(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str
+) -> None:
+    path = robot(tmp_path / "a.log", arm=("dead:2@6s",), leg=("dead:3@6s",))
+    out = tmp_path / f"a.{suffix}"
+    assert within(capsys, "report", path, "-o", out).status == 0
+    assert "on arm and leg: one fault is likelier than 2" in out.read_text("utf-8")
+
+
+def test_faults_of_several_buses_that_begin_apart_are_faults_of_their_own(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@3s",), leg=("dead:3@8s",)))
+    assert "likelier" not in words
+
+
+def test_what_is_there_from_the_begin_on_is_not_told_to_begin_together(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = told(capsys, robot(tmp_path / "a.log", arm=("dead:2@0.5s",), leg=("dead:3@0.5s",)))
+    assert words.startswith("2 incidents: ")
+    assert "likelier" not in words
+
+
+def test_a_rule_of_check_that_fails_names_the_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",))
+    rules = tmp_path / "rules.toml"
+    rules.write_text(
+        "[[rule]]\nwhat = 'incidents'\nfrom = 'error'\nat_most = 0\n", encoding="utf-8"
+    )
+    assert "servo-dead on leg: " in within(capsys, "check", path, "--rules", rules).out
+
+
+def test_the_verdict_of_a_report_names_the_bus(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path, out = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",)), tmp_path / "a.md"
+    assert within(capsys, "report", path, "-o", out).status == 0
+    assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
+
+
+def test_a_bus_that_says_nothing_more_while_others_go_on_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Its port came off, or what drives it stopped: no byte tells which, and all was sound."""
+    arm, leg = (heard(bus, "rs30x", seconds=n) for bus, n in (("arm", 16.0), ("leg", 8.0)))
+    words = told(capsys, beside(tmp_path / "a.log", arm, leg))
+    arms, legs = words.removeprefix("nothing is wrong, judged on ").split("; ")
+    assert "nothing" not in arms
+    assert legs.endswith("then nothing for the last 8 s, while others go on")
+    few = beside(tmp_path / "b.log", arm, heard("leg", "rs30x", seconds=13))
+    assert "then nothing" not in told(capsys, few), "no two of them end at once"
+
+
+def at_another_rate(lines: list[str]) -> list[str]:
+    """Return lines in which every byte is another one, always the same: no frame holds."""
+    told = (line.rpartition("#") for line in lines)
+    return [f"{head}#{bytes(b ^ 0xD5 for b in bytes.fromhex(h)).hex()}" for head, _, h in told]
+
+
+def test_a_bus_whose_bytes_nothing_explains_leaves_the_others_their_protocols(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """All were judged as the first protocol's: seven sound buses were not raw, at 99 %."""
+    torn = at_another_rate(heard("leg", "lss", seconds=6))
+    path = beside(tmp_path / "a.log", heard("arm", "lss", seconds=6), torn, heard("tail", "rs30x"))
+    done = within(capsys, "diagnose", path, "--format", "json")
+    found = json.loads(done.out)
+    assert [(i["bus"], i["causes"][0]["cause"]) for i in found["incidents"]] == [
+        ("leg", "wrong-baud")
+    ]
+    assert {j["bus"]: j["protocol"] for j in found["judged"]} == {
+        "arm": "lss",
+        "leg": "mightyzap",
+        "tail": "rs30x",
+    }
+
+
+def test_where_nothing_can_be_said_of_one_bus_the_others_are_judged_and_it_is_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    few = ["(3.000000) leg #0102030405"]
+    path = beside(tmp_path / "a.log", heard("arm", "rs30x", "dead:2@6s"), few)
+    done = within(capsys, "diagnose", path, "--format", "json")
+    found = json.loads(done.out)
+    assert [i["causes"][0]["cause"] for i in found["incidents"]] == ["servo-dead"]
+    assert [j["bus"] for j in found["judged"]] == ["arm"]
+    assert "cannot tell the protocol of these 5 bytes on leg" in done.err
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [((1, 2), "1 and 2"), ((1, 2, 3, 4), "1 to 4"), ((1, 3, 4), "1, 3 and 4")],
+)
+def test_incidents_are_numbered_as_people_write_it(numbers: tuple[int, ...], words: str) -> None:
+    assert numbered(numbers) == words
