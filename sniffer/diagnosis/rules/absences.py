@@ -41,7 +41,7 @@ FINDINGS: Final = (
         "torn-when-away",
         "pairing",
         "A servo goes away time and again, now and then within an answer.",
-        "Three silences or single losses and more, and torn answers of it, two at least and one for ten of those.",
+        "More than three silences or single losses, or three of several requests each, and torn answers of it, two at least and one for ten of those.",
     ),
     FindingCode(
         "others-away-too",
@@ -109,7 +109,9 @@ def tears(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         runs = case.ledger.silences.runs(servo)
         torn = case.total("damaged", servo)
-        if len(runs) + min(torn, 1) <= OFTEN or 0 < torn < max(2, len(runs) / 10):
+        # three are a habit where each is of several requests, and answers are torn besides
+        is_habit = torn > 0 and len(runs) == OFTEN and all(run.missed > 1 for run in runs)
+        if not (is_habit or len(runs) > OFTEN) or 0 < torn < max(2, len(runs) / 10):
             continue
         yield _told(
             "torn-when-away" if torn else "away-without-a-tear",
