@@ -308,7 +308,7 @@ def test_a_servo_that_falters_before_it_is_silent_for_good_is_gone(protocol: str
         return True
 
     d = robot(protocol, 6, instead=fails, goals=False).diagnosed()
-    assert ("servo-dead", (2,)) in verdicts(d.incidents())
+    assert verdicts(d.incidents()) == [("servo-dead", (2,))]
     told = finding(d, "misses-now-and-then")
     assert told is not None
     assert told.count <= 6

@@ -203,3 +203,21 @@ def test_goals_beyond_limits_that_the_servo_told_are_out_of_range(
 @pytest.mark.parametrize(("protocol", "low", "high"), [("mightyzap", 0, 4095), ("wck", 0, 254)])
 def test_goals_within_the_limits_are_sound(protocol: str, low: int, high: int) -> None:
     assert not limited(protocol, low, high).diagnosed().incidents()
+
+
+@pytest.mark.parametrize(("is_late", "told"), [(True, False), (False, True)])
+def test_what_was_asked_for_before_a_write_tells_nothing_of_it(
+    *, is_late: bool, told: bool
+) -> None:
+    """Who does not wait for the answer switches torque on meanwhile: it was off till then."""
+    talk = Conversation("mightyzap")
+    ask, on = (mightyzap.packet(1, code, b"\x80\x01") for code in (0xF2, 0xF3))
+    off, done = mightyzap.packet(1, 0, b"\0"), mightyzap.packet(1, 0)
+    for _ in range(2):
+        for frame in (ask, on, off, done) if is_late else (on, done, ask, off):
+            talk.say(frame)
+            talk.rest(3)
+        for _ in range(5):
+            talk.read(1, 0.5)
+            talk.rest(20)
+    assert ("torque-gone" in codes(talk.diagnosed())) == told
