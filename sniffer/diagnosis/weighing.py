@@ -304,7 +304,10 @@ def _began_together(one: Explained, other: Explained) -> bool:
     first, second = (min(f.first_ns for f in e.findings) for e in (one, other))
     return abs(first - second) <= TOGETHER_NS or any(
         abs(f.first_ns - g.first_ns) <= TOGETHER_NS
-        or (_declared(f.code).is_of_supply and f.first_ns <= g.last_ns and g.first_ns <= f.last_ns)
+        or (
+            _declared(f.code).is_of_supply
+            and max(f.first_ns, g.first_ns) <= min(f.last_ns, g.last_ns) + SLACK_NS
+        )
         for f in one.findings
         for g in other.findings
         if f.code == g.code and f.code in FINDINGS
