@@ -14,6 +14,7 @@ from tests.streams import mightyzap
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sniffer.diagnosis import Diagnosis
     from sniffer.ground.model import Chunk
 
 
@@ -243,6 +244,11 @@ def test_who_answers_a_request_that_the_tap_has_torn_does_not_speak_unasked() ->
 
 def hit(torn: Callable[[int, bytes], bytes], *servos: int) -> set[str]:
     """Return what is found where every fifth answer of some servos is torn."""
+    return codes(struck(torn, *servos))
+
+
+def struck(torn: Callable[[int, bytes], bytes], *servos: int) -> Diagnosis:
+    """Return the diagnosis of that."""
     count = 0
 
     def instead(talk: Conversation, cycle: int, servo: int) -> bool:
@@ -253,7 +259,16 @@ def hit(torn: Callable[[int, bytes], bytes], *servos: int) -> set[str]:
         torn_read(talk, servo, lambda data: torn(count, data))
         return True
 
-    return codes(robot("mightyzap", 8, instead=instead, goals=False).diagnosed())
+    return robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
+
+
+@pytest.mark.parametrize("every", [1, 2, 6])
+def test_edges_that_come_late_count_as_far_as_they_are_what_tears(every: int) -> None:
+    def torn(n: int, data: bytes) -> bytes:
+        return data[:6] if n % every else turned(data, range(1, 8), lags=True, behind=6)
+
+    [late] = [f for f in found(struck(torn, 1, 2, 3)) if f.code == "late-edges"]
+    assert (late.strength == 1.0) == (every < 3)
 
 
 def test_bits_of_which_half_are_as_the_one_before_are_no_late_edges() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sniffer.diagnosis.rules.masters import crossings_of
-from tests.conversations import through_usb, without_clock
-from tests.crossing_rounds import two_rounds
+from tests.conversations import swinging, through_usb, without_clock
+from tests.crossing_rounds import SERVOS, two_rounds
 from tests.diagnosed import codes, verdicts
 
 if TYPE_CHECKING:
@@ -49,6 +49,23 @@ def test_one_controller_whose_requests_are_torn_keeps_its_order(
     assert "rounds-cross" not in codes(talk.diagnosed(heard(kept)))
 
 
+@WAYS
+def test_what_is_torn_when_no_rounds_cross_tells_nothing_of_a_second_controller(
+    heard: Callable[[Iterable[Chunk]], list[Chunk]],
+) -> None:
+    talk = two_rounds(31, 43, apart_ms=0)
+    for cycle in range(40):
+        talk.until(10 + cycle / 32)
+        for servo in SERVOS:
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+            talk.say(answer[:3] if servo == 2 and cycle % 2 else answer)
+    told = talk.diagnosed(heard(talk.chunks))
+    assert "rounds-cross" in codes(told)
+    assert "two-masters" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
 @pytest.mark.parametrize(
     "extra",
     [
@@ -66,7 +83,7 @@ def test_what_a_loop_asks_in_turn_is_of_its_own_round(
         for servo in range(5)
         for kind in (servo, *(more for at, more in extra(cycle) if at == servo))
     ]
-    assert not crossings_of(np.array(kinds))
+    assert not len(crossings_of(np.array(kinds)))
 
 
 def test_what_a_program_does_seldom_servo_by_servo_is_no_other_round() -> None:
@@ -75,4 +92,4 @@ def test_what_a_program_does_seldom_servo_by_servo_is_no_other_round() -> None:
     switching_on = [kind for servo in range(4) for kind in (servo, 4 + servo)]
     setting_up = list(range(8, 28))
     kinds = [*setting_up, *switching_on, *loop, *switching_on, *loop]
-    assert not crossings_of(np.array(kinds))
+    assert not len(crossings_of(np.array(kinds)))

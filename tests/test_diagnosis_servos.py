@@ -256,11 +256,36 @@ def test_an_id_that_another_servo_has_is_told_with_the_frame_that_gave_it(gap_ms
         return True
 
     d = robot("rs30x", 1.5, rate_hz=20, before=begin, instead=both).diagnosed()
-    first, *_ = d.incidents()
-    assert (first.cause, first.servo_ids) == ("duplicate-id", (1,))
+    assert verdicts(d.incidents()) == [("duplicate-id", (1,))]
     told = finding(d, "id-given-twice")
     assert told is not None
     assert told.what.startswith("servo 2 was given the id 1 at 0.4")
+
+
+@pytest.mark.parametrize("torn", [True, False])
+def test_an_id_is_given_twice_where_its_answers_lie_over_each_other_since(*, torn: bool) -> None:
+    def begin(talk: Conversation, cycle: int) -> None:
+        if cycle == 8:
+            talk.write(rs30x.write(2, 0x04, b"\1"))
+
+    def over(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle < 8 or servo == 3:
+            return False
+        if servo == 2:
+            talk.ask_in_vain(2)
+            return True
+        if not torn and cycle % 4:  # noise tears one now and then
+            return False
+        talk.say(talk.tongue.ask(1))
+        talk.rest(0.3)
+        two = zip(talk.tongue.answer(1, 0.5), b"\xff" + talk.tongue.answer(1, 0.3), strict=False)
+        talk.say(bytes(a & b for a, b in two))
+        talk.rest(1)
+        return True
+
+    d = robot("rs30x", 1.5, rate_hz=20, before=begin, instead=over).diagnosed()
+    assert (finding(d, "id-given-twice") is not None) == torn
+    assert (verdicts(d.incidents()) == [("duplicate-id", (1,))]) == torn
 
 
 def test_an_id_that_nobody_has_is_given_once() -> None:
@@ -283,7 +308,7 @@ def test_a_servo_that_falters_before_it_is_silent_for_good_is_gone(protocol: str
         return True
 
     d = robot(protocol, 6, instead=fails, goals=False).diagnosed()
-    assert ("servo-dead", (2,)) in verdicts(d.incidents())
+    assert verdicts(d.incidents()) == [("servo-dead", (2,))]
     told = finding(d, "misses-now-and-then")
     assert told is not None
     assert told.count <= 6

@@ -19,6 +19,8 @@ from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.diagnosis import Diagnosis
 
 TEACHES_S = 8
@@ -191,24 +193,51 @@ def test_the_last_rest_of_a_slower_gait_is_as_long_as_those_before_it() -> None:
     assert not is_of_slower_loop(case, last._replace(t_ns=40 * BUCKET_NS))
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
-def test_a_contact_that_is_loose_for_seconds_of_a_run_is_no_clock(protocol: str) -> None:
-    """It is asked seldom in the rest of the run, and often in a gait: it answers between."""
-    opens = ((80.0, 80.3), (80.65, 81.15), (81.35, 81.6), (82.05, 82.45), (82.65, 83.05))
+def _loose(protocol: str, opens: Sequence[tuple[float, float, bool]]) -> Conversation:
+    """Return how a contact of servo 2 opens, now and then in an answer, where it is asked often."""
     talk = Conversation(protocol)
-    for begin, rate, end in ((0, 1, 60), (60, 10, 100), (100, 1, 160)):
+    for begin, rate, end in ((0, 1, 60), (60, 10, 100), (100, 1, 130)):
         for cycle in range(rate * (end - begin)):
             talk.until(begin + cycle / rate)
             for servo in (1, 2, 3):
                 place = swinging(servo, talk.now_s)
-                into = [talk.now_s - a for a, b in opens if a <= talk.now_s < b]
+                into = [(talk.now_s - a, torn) for a, b, torn in opens if a <= talk.now_s < b]
                 if servo != 2 or not into:
                     talk.read(servo, place)
-                elif into[0] < 0.1:  # it opens within an answer
+                elif into[0][0] < 0.1 and into[0][1]:
                     talk.say(talk.tongue.ask(servo), Direction.TX)
                     talk.rest(0.3)
-                    talk.say(talk.tongue.answer(servo, place)[:-3], Direction.RX)
+                    talk.say(talk.tongue.answer(servo, place)[:-1], Direction.RX)
                     talk.rest(25)
                 else:
                     talk.ask_in_vain(servo)
+    return talk
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_contact_that_is_loose_for_seconds_of_a_run_is_no_clock(protocol: str) -> None:
+    """It is asked seldom in the rest of the run, and often in a gait: it answers between."""
+    opens = ((80.0, 80.3), (80.65, 81.15), (81.35, 81.6), (82.05, 82.45), (82.65, 83.05))
+    talk = _loose(protocol, [(a, b, True) for a, b in opens])
     assert verdicts(talk.diagnosed().incidents()) == [("bad-cable", (2,))]
+
+
+@pytest.mark.parametrize(
+    "opens",
+    [
+        ((80.0, 80.4, True), (80.7, 81.0, False), (81.25, 81.7, True)),
+        (
+            (80, 80.4, True),
+            (80.7, 80.9, False),
+            (81.3, 81.7, True),
+            (82, 82.2, False),
+            (82.6, 83, True),
+        ),
+    ],
+    ids=["three times", "for about as long"],
+)
+def test_a_contact_that_opens_a_few_times_is_no_restart_where_answers_are_torn(
+    opens: Sequence[tuple[float, float, bool]],
+) -> None:
+    told = _loose("lss", opens).diagnosed().incidents()
+    assert verdicts(told) == [("bad-cable", (2,))]

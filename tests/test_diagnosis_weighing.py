@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -80,6 +81,22 @@ def test_who_fell_silent_in_one_moment_is_of_one_incident_whenever_each_is_misse
     silent = [apart("away-for-a-while", servo, 19.5, 20) for servo in (1, 2)]
     (one,) = explain([*limp, *silent])
     assert one.servo_ids == (1, 2)
+
+
+def test_servos_that_are_away_within_seconds_of_each_other_are_of_one_incident() -> None:
+    away = [apart("away-for-a-while", 1, 19, 20), apart("away-for-a-while", 2, 22, 24)]
+    assert [e.servo_ids for e in explain(away)] == [(1, 2)]
+    away[1] = apart("away-for-a-while", 2, 26, 28)
+    assert [e.servo_ids for e in explain(away)] == [(1,), (2,)]
+
+
+def test_what_befell_a_renamed_servo_is_told_with_the_id_that_two_have_since() -> None:
+    gone = [apart(code, 2, 10) for code in ("old-id-asked", "silent-since", "id-changed")]
+    twice = replace(apart("id-given-twice", 1, 10), befell=(2,))
+    (one,) = explain([*gone, twice])
+    assert (one.causes[0].cause, one.servo_ids) == ("duplicate-id", (1,))
+    before = apart("old-id-asked", 2, 3)
+    assert len(explain([before, *gone, twice])) == 2
 
 
 def test_strays_at_the_turn_are_of_two_servos_with_one_id_where_there_are_two() -> None:

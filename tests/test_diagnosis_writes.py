@@ -231,3 +231,21 @@ def test_limits_of_a_protocol_that_is_plugged_in_are_those_its_table_names(
     assert [f.what for f in told if f.code == "goal-beyond-limits"] == (
         ["servo 2 is sent to 307.6 deg, and its limits are 0 deg and 263.7 deg"] if beyond else []
     )
+
+
+@pytest.mark.parametrize(("is_late", "told"), [(True, False), (False, True)])
+def test_what_was_asked_for_before_a_write_tells_nothing_of_it(
+    *, is_late: bool, told: bool
+) -> None:
+    """Who does not wait for the answer switches torque on meanwhile: it was off till then."""
+    talk = Conversation("mightyzap")
+    ask, on = (mightyzap.packet(1, code, b"\x80\x01") for code in (0xF2, 0xF3))
+    off, done = mightyzap.packet(1, 0, b"\0"), mightyzap.packet(1, 0)
+    for _ in range(2):
+        for frame in (ask, on, off, done) if is_late else (on, done, ask, off):
+            talk.say(frame)
+            talk.rest(3)
+        for _ in range(5):
+            talk.read(1, 0.5)
+            talk.rest(20)
+    assert ("torque-gone" in codes(talk.diagnosed())) == told

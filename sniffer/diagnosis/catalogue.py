@@ -17,11 +17,11 @@ class FindingCode:
     mistake, whenever each of them needs it. ``is_lasting``: it lasts until somebody does something,
     and is seen when the next goal comes, however long after what brought it about.
     ``is_its_own``: one servo is hit by itself, and by no chance; what befalls all of them chooses
-    none. ``is_of_supply``: what feeds one servo feeds others; where several have it at overlapping
-    times that is one fault. ``is_manner``: it says in which way damage comes that others tell of;
-    alone it has nothing to explain. ``remedy`` and ``settle`` say what to do, and what would settle
-    it, where it is this finding that an incident is known by, and its cause's words are for other
-    signs of that cause.
+    none. ``is_of_supply``: what feeds one servo feeds others; where several have it within seconds
+    of each other that is one fault. ``is_manner``: it says in which way damage comes that others
+    tell of; alone it has nothing to explain. ``remedy`` and ``settle`` say what to do, and what
+    would settle it, where it is this finding that an incident is known by, and its cause's words
+    are for other signs of that cause.
     """
 
     code: str

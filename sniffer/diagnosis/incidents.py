@@ -68,8 +68,8 @@ def _story(explained: Explained, by_time: Sequence[Finding]) -> str:
     who = and_([f"servo {i}" for i in explained.servo_ids])
     title = f"{cause.title} ({who})" if who else cause.title
     in_order = sorted(by_time, key=lambda f: f.first_ns - AHEAD_NS.get(f.code, 0))
-    weights = WEIGHTS[cause.slug]
-    telling = [f for f in in_order if weights[f.code].weight > LOOKS_SO] or in_order
+    side = {w.finding for w in WEIGHTS[cause.slug].values() if w.weight <= LOOKS_SO}
+    telling = [f for f in in_order if f.code not in side] or in_order
     steps = list(dict.fromkeys(f.brief for f in telling if f.brief))[:TOLD]
     return f"{title}: {' -> '.join(steps)}" if steps else f"{title}: {explained.key.what}"
 

@@ -30,7 +30,8 @@ class Finding:
     the few words that it has in a story. ``episodes`` are the moments it is about, (first, last) in
     ns, where there are several. ``values`` are its numbers by name. ``is_own``: it tells of its
     servo and of nobody else, so no cause that is not a servo's explains it. ``may_be``: servos of
-    which it may tell as well, and nothing says of which.
+    which it may tell as well, and nothing says of which. ``befell``: servos to which the same has
+    happened: what is found of them from then on follows from it.
     """
 
     code: str
@@ -46,6 +47,7 @@ class Finding:
     values: tuple[tuple[str, float], ...] = ()
     is_own: bool = False
     may_be: tuple[int, ...] = ()
+    befell: tuple[int, ...] = ()
 
     def value(self, name: str, otherwise: float = 0.0) -> float:
         """Return one of its numbers."""

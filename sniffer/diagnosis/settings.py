@@ -11,7 +11,7 @@ from sniffer.diagnosis.events import SETTING, Happenings
 from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
 
@@ -69,8 +69,13 @@ class Settings:
             mine, v.servo_id[mine].astype(np.int64), v.register[mine].astype(np.int64)
         )
         key = (servo + 1) * self._count + v.register[mine]
-        raw = v.raw[mine]
         order, first = in_groups(key)
+        late = self._overtaken(batch, mine[order], first)
+        if late.any():
+            there = np.sort(order[~late])
+            mine, servo, key = mine[there], servo[there], key[there]
+            order, first = in_groups(key)
+        raw = v.raw[mine]
         last = np.append(first[1:], len(order)) - 1
         k, r = key[order], raw[order]
         before = np.concatenate([[0], r[:-1]])
@@ -93,6 +98,23 @@ class Settings:
             raw[rows],
             asks[at].astype(np.int64),
         )
+
+    @staticmethod
+    def _overtaken(batch: Batch, values: I64, first: I64) -> Mask:
+        """Tell which answers, grouped by what they tell, were asked for before the last write.
+
+        Who does not wait writes before he has what he asked for: it tells what was so until then.
+        """
+        v, t = batch.values, batch.transactions
+        is_answer = batch.frames.kind[v.row[values]] != REQUEST
+        asked = np.arange(len(batch.frames))
+        paired = (t.request != -1) & (t.response != -1)
+        asked[t.response[paired]] = np.maximum(t.request[paired], -1)
+        row = v.row[values]
+        before = np.roll(row, 1)
+        late: Mask = is_answer & ~np.roll(is_answer, 1) & (before > asked[row])
+        late[first] = False
+        return late
 
     def _for_each(self, mine: I64, servo: I64, register: I64) -> tuple[I64, I64]:
         """Let what all are told stand for each servo whose setting is known, right behind it.

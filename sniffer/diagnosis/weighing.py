@@ -8,7 +8,7 @@ weighed again, until nothing is left that has a cause.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.catalogue import FindingCode
@@ -271,7 +271,29 @@ def _joined(found: list[Explained]) -> list[Explained]:
         findings = (*other.findings, *(f for f in one.findings if id(f) not in shared))
         servo_ids = tuple(sorted({*other.servo_ids, *one.servo_ids}))
         out[twin] = Explained(servo_ids, findings, other.causes, other.key)
+    return _followed(out)
+
+
+def _followed(found: list[Explained]) -> list[Explained]:
+    """Give what befell one servo by what another one's incident says to that one."""
+    out = list(found)
+    for one in found:
+        other = next((e for e in out if e is not one and _follows(one, e)), None)
+        if other is not None:
+            more = tuple(f for f in one.findings if all(f is not g for g in other.findings))
+            both = replace(other, findings=(*other.findings, *more))
+            out = [both if e is other else e for e in out if e is not one]
     return out
+
+
+def _follows(one: Explained, other: Explained) -> bool:
+    """Tell whether all that is found in one incident befell its servos by another one's cause."""
+    weights = WEIGHTS[other.causes[0].cause]
+    return bool(one.servo_ids) and any(
+        set(one.servo_ids) <= set(f.befell) and all(f.first_ns <= g.first_ns for g in one.findings)
+        for f in other.findings
+        if f.code in weights and weights[f.code].is_key
+    )
 
 
 def _began_together(one: Explained, other: Explained) -> bool:
@@ -282,7 +304,10 @@ def _began_together(one: Explained, other: Explained) -> bool:
     first, second = (min(f.first_ns for f in e.findings) for e in (one, other))
     return abs(first - second) <= TOGETHER_NS or any(
         abs(f.first_ns - g.first_ns) <= TOGETHER_NS
-        or (_declared(f.code).is_of_supply and f.first_ns <= g.last_ns and g.first_ns <= f.last_ns)
+        or (
+            _declared(f.code).is_of_supply
+            and max(f.first_ns, g.first_ns) <= min(f.last_ns, g.last_ns) + SLACK_NS
+        )
         for f in one.findings
         for g in other.findings
         if f.code == g.code and f.code in FINDINGS

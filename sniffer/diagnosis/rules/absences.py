@@ -41,7 +41,7 @@ FINDINGS: Final = (
         "torn-when-away",
         "pairing",
         "A servo goes away time and again, now and then within an answer.",
-        "More than three silences or single losses, and torn answers of it, two at least and one for ten of those.",
+        "More than three silences or single losses, or three of several requests each, and torn answers of it, two at least and one for ten of those.",
     ),
     FindingCode(
         "others-away-too",
@@ -74,7 +74,7 @@ TWICE: Final = 2
 """Silences from which on chance decides whether they chose a question."""
 
 PLENTY: Final = 6
-"""So many silences would tear an answer if a contact made them."""
+"""So many silences and torn answers are no chance."""
 
 ALSO: Final = 0.3
 """Another servo that loses so much of what one does, while others lose nothing, is behind it."""
@@ -109,7 +109,9 @@ def tears(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         runs = case.ledger.silences.runs(servo)
         torn = case.total("damaged", servo)
-        if len(runs) <= OFTEN or 0 < torn < max(2, len(runs) / 10):
+        # three are a habit where each is of several requests, and answers are torn besides
+        is_habit = torn > 0 and len(runs) == OFTEN and all(run.missed > 1 for run in runs)
+        if not (is_habit or len(runs) > OFTEN) or 0 < torn < max(2, len(runs) / 10):
             continue
         yield _told(
             "torn-when-away" if torn else "away-without-a-tear",
@@ -117,7 +119,7 @@ def tears(case: Case) -> Iterator[Finding]:
             runs,
             f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
             f"{'are' if torn > 1 else 'is'} torn",
-            min(len(runs) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
+            min((len(runs) + torn) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
         )
 
 
@@ -199,8 +201,8 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         joint = track(case, servo)
         if len(runs) < 2 or joint is None:
             continue
-        to_it = np.isin(w["servo_id"], [servo, *case.everyone])
-        writes = int(w["n"][to_it & np.isin(w["register"], torque)].sum())
+        to_it = np.isin(w["servo_id"], [servo, *case.everyone]) & np.isin(w["register"], torque)
+        writes = int(w["n"][to_it].sum())
         mine = case.registers_of(servo, "torque_enable")
         back = runs[0].back_ns or 0
         after = joint.position.t_first > back
@@ -219,7 +221,8 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             runs,
             f"servo {servo} follows its goals after {len(runs)} silences, and its torque was "
             f"written {writes} times",
-            1.0,
+            # who switches it on when it is back may do so behind some of the silences only
+            1.0 if w["t_last"][to_it].max(initial=0) <= back else 1.0 - writes / len(runs),
         )
 
 

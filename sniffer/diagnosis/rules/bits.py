@@ -46,7 +46,7 @@ FINDINGS: Final = (
         "late-edges",
         "line",
         "Bits are read as the one before them on the line: the edge between them came too late.",
-        "At least five misread bits, nine tenths of them equal to the bit sent before, and one way.",
+        "At least five misread bits, nine tenths of them equal to the bit sent before, and one way; it counts less where fewer than a fifth of the torn frames have a bit or two misread.",
         is_manner=True,
     ),
     FindingCode(
@@ -90,6 +90,10 @@ CHANCE: Final = 1e-3
 ENDING: Final = 5
 """From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
 show."""
+
+PART_BITS: Final = 0.2
+"""Part of the torn frames that late edges leave with a bit or two misread: where nearly all are torn
+otherwise, it is not the edges that tear them."""
 
 LONG_ROW: Final = 12
 """Misread bits that are all in the second half of their bytes: chance has so many once in 4096."""
@@ -138,7 +142,8 @@ def bits(case: Case) -> Iterator[Finding]:
             read,
             f"{lags} of {len(known)} misread bits are read as the bit before them, {way}",
             "edges come late",
-            sureness(at_least(lags, len(known), 0.5) * chance, CHANCE),
+            sureness(at_least(lags, len(known), 0.5) * chance, CHANCE)
+            * min(len(read) / (PART_BITS * len(case.misreads)), 1.0),
         )
 
 

@@ -27,7 +27,7 @@ FINDINGS: Final = (
         "id-given-twice",
         "device",
         "A servo was given an id that another one has: two answer to it since.",
-        "A frame that gives the id; two answers and more behind it that come second or that nobody asked for, all of that id, and none before.",
+        "A frame that gives the id; two answers and more behind it that come second, that nobody asked for, or that are torn where it answered whole before and hardly does since; all of that id, and none before.",
         is_its_own=True,
         settle="Ask the id it had before: the one that was given another answers no more.",
         remedy="Disconnect all but one of the two and give it its own id back; look at the command that gave it this one.",
@@ -41,6 +41,9 @@ FINDINGS: Final = (
 )
 
 LEAST: Final = 3
+
+TOO_MANY: Final = ("duplicate-response", "unsolicited-response")
+"""What comes of a second answer that lies over no other one."""
 
 SECOND: Final = 2
 """Answers too many behind the frame that gave the id: one may be an answer that came late."""
@@ -84,7 +87,9 @@ def ids_given_twice(case: Case) -> Iterator[Finding]:
         new = _value(case, "servo_id", servo, t)
         if new is None or new == servo or new not in case.answering:
             continue
-        more = case.anomalies("duplicate-response", "unsolicited-response", servo_id=new)
+        more = case.anomalies(*TOO_MANY, servo_id=new)
+        if _mostly_torn_since(case, new, t):
+            more = case.anomalies(*TOO_MANY, "damaged-response", servo_id=new)
         since = more.take(more.at > at)
         if len(since) < SECOND or len(since) < len(more):
             continue
@@ -95,14 +100,24 @@ def ids_given_twice(case: Case) -> Iterator[Finding]:
             int(since.t_ns[-1]),
             len(since),
             f"servo {servo} was given the id {new} at {case.since(t)}, which another one has: "
-            f"{len(since)} answers of {new} more than were asked for since, none before",
+            f"{len(since)} answers of {new} came second, unasked or torn since, none before",
             (
                 Place(at, length, t, f"servo {servo} is given the id {new}"),
                 *case.places(since, "a second answer", 2),
             ),
             strength=min(0.7 + len(since) / 20, 1.0),
             brief=f"servo {servo} is given the id {new}, and two answer to it",
+            befell=(servo,),
         )
+
+
+def _mostly_torn_since(case: Case, servo: int, t_ns: int) -> bool:
+    """Tell whether a servo answered whole before a moment, and mostly torn behind it."""
+    a = case.answers
+    mine = a["servo_id"] == servo
+    before, behind = mine & (a["t_last"] < t_ns), mine & (a["t_first"] > t_ns)
+    torn, whole = (int(a[what][behind].sum()) for what in ("damaged", "ok"))
+    return torn > whole and bool(a["ok"][before].any()) and not a["damaged"][before].any()
 
 
 def old_rates(case: Case) -> Iterator[Finding]:

@@ -191,33 +191,39 @@ def unrelated(case: Case) -> Iterator[Finding]:
 
 def rounds_cross(case: Case) -> Iterator[Finding]:
     """Requests that stand between others whose order is known: no time is needed to see that."""
-    found = [crossings_of(kind) for _, kind in case.ledger.exchanges.moments.stretches()]
-    times = sum(found)
+    found = [t[crossings_of(kind)] for t, kind in case.ledger.exchanges.moments.stretches()]
+    times = sum(map(len, found))
     if not times:
         return
+    # what is torn at another time, two have not torn that cross here: one loop began in another order
+    spans = [(t[0], t[-1]) for t in found if len(t)]
+    meanwhile = sum(any(a <= d.t_ns <= b for a, b in spans) for d in case.damages)
     torn = int(case.damage["n"].sum())
     yield _finding(
         case,
         "rounds-cross",
         times,
         f"{times} requests stand between two of another round, now here and now there; "
-        f"{torn} torn places",
-        strength=1.0 if do_meet(case, times) and torn <= MET_MORE * times else TIMERS,
+        f"{counted(meanwhile, 'place')} torn meanwhile",
+        strength=1.0
+        if do_meet(case, times, torn=meanwhile) and torn <= MET_MORE * times
+        else TIMERS,
         brief="requests of two rounds stand between each other",
     )
 
 
-def crossings_of(kinds: I64) -> int:
-    """Return how many requests stand within another round; 0 where they may be of one loop.
+def crossings_of(kinds: I64) -> I64:
+    """Return which requests stand within another round; none where they may be of one loop.
 
     Of two rounds through A B C D, of which the second comes a little later::
 
         heard     A B C A D B C D
         between         A           C D usually follow each other, A here follows and leads nobody
     """
-    kinds = kinds[kinds >= 0]
+    known = np.flatnonzero(kinds >= 0)
+    kinds = kinds[known]
     if len(kinds) < ROUND:
-        return 0
+        return known[:0]
     often = np.flatnonzero(np.bincount(kinds) >= FOLLOWED)
     # all that are seldom said are one: none of them has a usual place
     kinds = np.where(np.isin(kinds, often), np.searchsorted(often, kinds), len(often))
@@ -236,8 +242,9 @@ def crossings_of(kinds: I64) -> int:
     times, by_place = int(places.sum()), places.sum(1)
     most = max(by_place.max(), places.max(0).sum(), places.max(1).sum())
     if times < CROSSINGS or (by_place > 0).sum() < PLACES or most > OWN * times:
-        return 0
-    return times
+        return known[:0]
+    crossing: I64 = known[1:-1][rows]
+    return crossing
 
 
 def _rhythms(case: Case) -> list[_Rhythm]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.chances import at_least, so_even, sureness
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.twins import of_twins
@@ -45,7 +45,7 @@ FINDINGS: Final = (
         "away-alike",
         "pairing",
         "A servo is away for about as long each time.",
-        "At least four silences of several requests, none shorter than a quarter of the longest.",
+        "At least four silences of several requests, none shorter than a quarter of the longest; it counts as much as what ends at any time is seldom so alike.",
     ),
     FindingCode(
         "back-too-soon",
@@ -73,6 +73,9 @@ SHORTER: Final = 4
 MANY_SHORT: Final = 0.2
 """Silences that tell, how many times shorter than the longest a short one is, and which part of
 them is short where they are of all lengths: who starts anew takes about as long each time."""
+
+SELDOM_ALIKE: Final = 1e-3
+"""How likely silences that end at any time may be so alike by chance where that counts in full."""
 
 START_NS: Final = 60 * MS
 """No servo here starts sooner: wCK names 65 ms, and has the shortest start."""
@@ -272,6 +275,8 @@ def lengths(case: Case) -> Iterator[Finding]:
         uneven = short >= max(MOMENTS, MANY_SHORT * len(runs))
         if not uneven and (short or np.median([run.missed for run in runs]) < LEAST):
             continue
+        # somewhere within a turn it left, and somewhere within one it was back
+        certain = [span * (1 - 0.5 / run.missed) for span, run in zip(spans, runs, strict=True)]
         yield Finding(
             "away-unevenly" if uneven else "away-alike",
             servo,
@@ -280,7 +285,9 @@ def lengths(case: Case) -> Iterator[Finding]:
             len(runs),
             f"of {len(runs)} silences of servo {servo} {short} are shorter than a quarter of the "
             f"longest ({spans.min() / 1e6:.0f} to {longest / 1e6:.0f} ms)",
-            strength=min(0.5 + (short if uneven else len(runs)) / 10, 1.0),
+            strength=min(0.5 + short / 10, 1.0)
+            if uneven
+            else sureness(so_even(certain), SELDOM_ALIKE),
         )
 
 

@@ -40,6 +40,7 @@ FINDINGS: Final = (
         "pairing",
         "A servo answered nothing for some requests in a row, and then again.",
         "At least three requests in a row without an answer (two, where single ones are not lost), answers before and behind, more often than chance has it at this rate of losses.",
+        is_of_supply=True,
     ),
     FindingCode(
         "away-again-and-again",

@@ -11,6 +11,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.streams import LEAST
 from sniffer.diagnosis.stamps import EXACT_NS
+from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class _Meeting(NamedTuple):
 
 def rhythms_meet(case: Case) -> Iterator[Finding]:
     """Find frames that are torn where two rhythms meet that drift through each other."""
-    torn = [d for d in case.damages if d.t_ns > 0]
+    torn = [d for d in case.damages if d.t_ns > 0 and not of_twins(case, d)]
     if not case.has_clock or case.latency_ns > EXACT_NS or len(torn) < TORN:
         return
     at = np.array([d.t_ns for d in torn], np.int64)

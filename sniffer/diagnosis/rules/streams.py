@@ -82,10 +82,14 @@ def streams_apart(case: Case) -> Iterator[Finding]:
     )
 
 
-def do_meet(case: Case, times: float, least: int = MET) -> bool:
-    """Tell whether so much is torn as two must tear who do not listen; ``times`` one of them speaks."""
+def do_meet(case: Case, times: float, least: int = MET, torn: int | None = None) -> bool:
+    """Tell whether so much is torn as two must tear who do not listen; ``times`` one of them speaks.
+
+    ``torn`` counts the places that are torn while both speak, where that is known.
+    """
     busy = case.ledger.bytes * case.ledger.byte_ns / max(case.seconds * NS, 1.0)
-    return int(case.damage["n"].sum()) >= max(least, MEET * busy * times)
+    torn = int(case.damage["n"].sum()) if torn is None else torn
+    return torn >= max(least, MEET * busy * times)
 
 
 def least_together(case: Case) -> tuple[float, int, int, float, int, int] | None:

@@ -113,6 +113,8 @@ WEIGHTS: Final = (
         ("damaged-response", 0.2, "its last answer is torn"),
         ("truncated-frame", 0.1, "its last answer is torn"),
         ("late-response", 0.1, "it was late before"),
+        ("misses-now-and-then", 0.1, "it fails now and then before it is silent"),
+        ("comes-and-goes", 0.1, "it fails now and then before it is silent"),
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("supply-steady", 0.2, "its supply was in order"),
         ("voltage-sag", -1.0, "its supply was low before"),
