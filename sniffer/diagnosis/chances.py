@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.diagnosis.case import Case
+
 NOTHING: Final = 40.0
 """Terms whose log is less by that change nothing in the digits of a sum, however many there are."""
+
+TORN: Final = ("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
+"""Codes of bytes that are no frame."""
+
+BY_CHANCE: Final = 64
+"""Of so many torn frames one may hold: a checksum has seven or eight bits, and some have none."""
+
+OFTEN: Final = 3
+"""A frame that holds by chance does not come again; a mistake in a program does."""
 
 
 def at_least(k: int, n: int, p: float) -> float:
@@ -53,3 +64,9 @@ def so_even(spans: Sequence[float]) -> float:
 def sureness(chance: float, enough: float = 1e-6) -> float:
     """Return how much a pattern is to count, 0..1: all of it from a chance of ``enough`` on."""
     return min(max(math.log(max(chance, 1e-300)) / math.log(enough), 0.0), 1.0)
+
+
+def may_be_torn(case: Case, count: int) -> bool:
+    """Tell whether so many frames may be torn ones that hold by chance, as one in 256 does."""
+    torn = case.count(*TORN)
+    return torn >= OFTEN and count <= 1 + torn // BY_CHANCE

@@ -1,4 +1,4 @@
-"""What several damaged places say together."""
+"""Whose a finding is, and what several damaged places say together."""
 
 from __future__ import annotations
 
@@ -9,10 +9,17 @@ from sniffer.diagnosis.model import Finding, Place
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
 
 SHOWN: Final = 3
 """Places that a finding shows of many."""
+
+
+def single(case: Case, servo: int) -> int | None:
+    """Return a servo, None where all or several are meant."""
+    known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
+    return servo if known and servo not in case.everyone else None
 
 
 def finding_of(

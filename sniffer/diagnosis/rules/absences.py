@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.chances import at_least, may_be_torn, sureness
 from sniffer.diagnosis.exchanges import FIRST
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.forms import may_be_torn
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NEVER_NS, NS
 

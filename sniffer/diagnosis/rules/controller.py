@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import OFTEN, may_be_torn
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.forms import OFTEN, may_be_torn, single
+from sniffer.diagnosis.placed import single
 from sniffer.ground.codes import COMMANDED
 from sniffer.ground.model import NS, UNUSUAL
 from sniffer.ground.register import unseen_scale

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import OFTEN, TORN, may_be_torn
 from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.damage import HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.placed import finding_of, single
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
@@ -58,27 +59,6 @@ BITS: Final = 2
 
 WHOLE: Final = 4
 """Fewer bytes come again by chance."""
-
-TORN: Final = ("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
-"""Codes of bytes that are no frame."""
-
-BY_CHANCE: Final = 64
-"""Of so many torn frames one may hold: a checksum has seven or eight bits, and some have none."""
-
-OFTEN: Final = 3
-"""A frame that holds by chance does not come again; a mistake in a program does."""
-
-
-def single(case: Case, servo: int) -> int | None:
-    """Return a servo, None where all or several are meant."""
-    known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
-    return servo if known and servo not in case.everyone else None
-
-
-def may_be_torn(case: Case, count: int) -> bool:
-    """Tell whether so many frames may be torn ones that hold by chance, as one in 256 does."""
-    torn = case.count(*TORN)
-    return torn >= OFTEN and count <= 1 + torn // BY_CHANCE
 
 
 def gain_read(case: Case) -> Iterator[Finding]:

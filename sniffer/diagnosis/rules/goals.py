@@ -8,8 +8,8 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import TORN, may_be_torn
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.forms import TORN, may_be_torn
 from sniffer.diagnosis.steps import MILLI
 from sniffer.diagnosis.trips import BEYOND, trips
 

@@ -18,8 +18,7 @@ from sniffer.decoding.holding import held
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import header_of
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
-from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.forms import single
+from sniffer.diagnosis.placed import finding_of, single
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,8 +13,8 @@ from sniffer.diagnosis.comparing import alike, header_of, is_altered
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.order import Order
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.order import Order
 from sniffer.diagnosis.twins import torn_by_twins
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock

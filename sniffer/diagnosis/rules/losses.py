@@ -11,9 +11,9 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.order import Order
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.breaking import are_beginnings
-from sniffer.diagnosis.rules.order import Order
 from sniffer.diagnosis.signs import BARE
 from sniffer.ground.codes import REQUEST, RESPONSE
 

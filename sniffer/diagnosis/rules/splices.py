@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST
+from sniffer.diagnosis.order import Order
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.order import Order
 from sniffer.diagnosis.twins import torn_answers
 from sniffer.ground.codes import RESPONSE
 

@@ -28,7 +28,7 @@ from sniffer.diagnosis.cycles import (
     without_slower_loops,
 )
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.order import Order
+from sniffer.diagnosis.order import Order
 from sniffer.diagnosis.silences import MISSING
 from sniffer.ground.model import MS, NS, Clock, MarkKind
 from sniffer.ground.timing import byte_time_ns

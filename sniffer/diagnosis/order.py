@@ -97,7 +97,7 @@ class Order:
         return 0
 
     def _around(self, d: Damage) -> tuple[int, int]:
-        """Return the kinds of the requests before and behind a torn place; -1: none, or a rare one."""
+        """Return the kinds of requests before and behind a torn place; -1: none, or a rare one."""
         if not d.asked_before or d.then is None:
             return -1, -1
         before, then = d.asked_before[0].asking, d.then
