@@ -341,13 +341,12 @@ class Pipeline:
             self.first.want(bus)
         o = self._options
         protocols, first = o.all_spoken(named), self._ahead.pop(bus, chunks)
-        self.paces[bus] = pace(
+        told = self.paces[bus] = self.summary.paces[bus] = pace(
             leading(protocols, first),
             first,
             baud=self._stated(bus),
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
         )
-        told = self.summary.paces[bus] = self.paces[bus]
         self._on_pace(bus, told)
         for sink in self._sinks:
             if isinstance(sink, Paced):
