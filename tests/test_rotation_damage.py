@@ -21,10 +21,10 @@ from sniffer.jobs.compare import compare
 from sniffer.mcapfile import rotation
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import End
-from sniffer.mcapfile.index import MAGIC
 from sniffer.mcapfile.recover import recover
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.mcapfile.source import chunks, session
+from sniffer.messages import MAGIC
 from tests.disks import disk
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S

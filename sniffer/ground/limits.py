@@ -36,6 +36,12 @@ FALLBACK_BAUD: Final = 115200
 BAUDS: Final = (300, 10_000_000)
 """The slowest and the fastest rate: nothing slower or faster is sold for servos."""
 
+GROUP: Final = 1 << 18
+"""Payload of what is read in one go, in bytes."""
+
+GROUP_CHUNKS: Final = 1 << 15
+"""Chunks of it at most: those of a log may hold a byte each."""
+
 IDS: Final = 256
 """Servo ids are a byte."""
 

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.files import writing
 from sniffer.ground.model import InputError
+from sniffer.messages import MAGIC
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.inside.index import CaptureIndex
-
-MAGIC: Final = b"\x89MCAP0\r\n"
-"""How a recording begins: the MCAP specification."""
 
 SUFFIX: Final = ".marks.jsonl"
 """Of the file beside a capture."""

@@ -13,6 +13,7 @@ from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.options import AUTO, SINCE, Options
 from sniffer.decoding.pacing import ASSUMED
+from sniffer.ground.limits import GROUP_CHUNKS
 from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
 from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
@@ -24,7 +25,7 @@ from sniffer.jobs.telling import Teller
 from sniffer.merging.aligning import MOST, aligned
 from sniffer.merging.merger import Merger
 from sniffer.messages import OFFSET
-from sniffer.sources import GROUP_CHUNKS, open_source
+from sniffer.sources import open_source
 from sniffer.sources.several import refuse_twice
 
 if TYPE_CHECKING:

@@ -28,9 +28,10 @@ from mcap.records import (
 
 from sniffer.ground.files import occupied, writing
 from sniffer.ground.model import OutputError
-from sniffer.mcapfile.index import MAGIC, FileSummary, as_bytes
+from sniffer.mcapfile.index import FileSummary, as_bytes
 from sniffer.mcapfile.kinds import MessageType, type_of
 from sniffer.mcapfile.packing import ChunkContents, Packer, ready
+from sniffer.messages import MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

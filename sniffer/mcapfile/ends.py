@@ -19,8 +19,8 @@ from mcap.records import Metadata, MetadataIndex
 
 from sniffer.ground.cutting import cut
 from sniffer.ground.limits import OFFSET_END, TIME_END_NS, number_in
-from sniffer.mcapfile.records import MAGIC, TOLD
-from sniffer.messages import END, OFFSET, TIME
+from sniffer.mcapfile.records import TOLD
+from sniffer.messages import END, MAGIC, OFFSET, TIME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

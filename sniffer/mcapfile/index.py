@@ -26,13 +26,13 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from sniffer.messages import MAGIC
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from sniffer.ground.model import I64
     from sniffer.mcapfile.rows import U16
-
-MAGIC: Final = b"\x89MCAP0\r\n"
 
 PIECE: Final = 512
 """Chunks whose indexes are compressed together: half a minute of a live recording."""

@@ -25,8 +25,8 @@ from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, S
 from sniffer.ground.files import writing
 from sniffer.ground.model import OutputError
 from sniffer.mcapfile.ends import facts_named
-from sniffer.mcapfile.index import MAGIC, as_bytes
-from sniffer.messages import MARKS
+from sniffer.mcapfile.index import as_bytes
+from sniffer.messages import MAGIC, MARKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

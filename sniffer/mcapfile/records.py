@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
 from sniffer.mcapfile.packed import UNPACKED, BrokenError, begin_of, chunk_head, unpack
-from sniffer.messages import TOOL
+from sniffer.messages import MAGIC, TOOL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from sniffer.ground.files import Stream
     from sniffer.ground.model import I64
-
-MAGIC: Final = b"\x89MCAP0\r\n"
 
 LONGEST: Final = 1 << 28
 """A longer record is taken for damage, in bytes: it bounds memory."""

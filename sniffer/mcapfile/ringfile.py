@@ -159,7 +159,7 @@ def put_aside(path: Path, aside: Path) -> bool:
 
 def _is_whole(path: Path) -> bool:
     """Tell whether a recording was finished: it ends with the mark that MCAP files end with."""
-    from sniffer.mcapfile.index import MAGIC
+    from sniffer.messages import MAGIC
 
     with contextlib.suppress(OSError), path.open("rb") as file:
         file.seek(-len(MAGIC), 2)

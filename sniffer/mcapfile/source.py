@@ -16,7 +16,7 @@ from google.protobuf.message import DecodeError
 from mcap.records import Attachment, Header, Metadata
 
 from sniffer.ground.codes import KINDS
-from sniffer.ground.limits import OFFSET_END, is_mark, is_time, number_in
+from sniffer.ground.limits import GROUP, GROUP_CHUNKS, OFFSET_END, is_mark, is_time, number_in
 from sniffer.ground.model import (
     Chunk,
     Clock,
@@ -38,12 +38,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from sniffer.ground.files import Stream
-
-GROUP: Final = 1 << 18
-"""Payload of a group, in bytes."""
-
-GROUP_CHUNKS: Final = 1 << 15
-"""Chunks of a group at most."""
 
 HEAD: Final = 4 << 20
 """How far into a recording the facts about it may stand, in bytes."""

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Final
 
 from mcap.opcode import Opcode
 
+from sniffer.ground.limits import GROUP, GROUP_CHUNKS
 from sniffer.ground.model import DamagedInputError
 from sniffer.mcapfile.ends import ends
 from sniffer.mcapfile.packed import BrokenError
-from sniffer.mcapfile.records import MAGIC, Piece, Records, parse
-from sniffer.mcapfile.source import GROUP, GROUP_CHUNKS, BusChannels, raw_chunks
+from sniffer.mcapfile.records import Piece, Records, parse
+from sniffer.mcapfile.source import BusChannels, raw_chunks
+from sniffer.messages import MAGIC
 from sniffer.messages.recording_pb2 import RawChunk
 
 if TYPE_CHECKING:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from typing import Final
 
+MAGIC: Final = b"\x89MCAP0\r\n"
+"""How a recording begins and ends: the MCAP specification."""
+
 TOOL: Final = "servo-sniffer"
 """What the header's library begins with."""
 

@@ -11,7 +11,7 @@ import struct
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BAUDS
-from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.ground.model import MS, Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.pcapfile.urbs import BULK, CONTROL, Urbs
 from sniffer.ports.listing import CHIPS
@@ -46,8 +46,6 @@ DEVICES_MOST: Final = 256
 
 ASKED_MOST: Final = 64
 """Requests for a descriptor that wait for their answer at most."""
-
-MS: Final = 1_000_000
 
 TIMER_MS: Final = 16
 """How long an FTDI chip waits for a full packet, as it is delivered (AN232B-04, 2.1)."""

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.limits import GROUP, GROUP_CHUNKS
 from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
 from sniffer.ground.runs import ChunkRun
 from sniffer.ground.wording import Sentence, offered
@@ -21,7 +22,7 @@ from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.docklight import read_docklight
 from sniffer.sources.grabserial import read_grabserial
-from sniffer.sources.grouping import GROUP, GROUP_CHUNKS, ManyBusesError, grouped
+from sniffer.sources.grouping import ManyBusesError, grouped
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.interceptty import read_interceptty
 from sniffer.sources.jpnevulator import read_jpnevulator
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from sniffer.ground.wiring import Wiring
     from sniffer.sources.logic import LogicCapture
 
-__all__ = ["GROUP_CHUNKS", "SOURCES", "SingleSource", "Source", "open_source"]
+__all__ = ["SOURCES", "SingleSource", "Source", "open_source"]
 
 Reader = Callable[[Opened], Iterator[Chunk | ChunkRun]]
 

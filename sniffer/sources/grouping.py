@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from sniffer.ground.limits import BUSES_MOST
+from sniffer.ground.limits import BUSES_MOST, GROUP, GROUP_CHUNKS
 from sniffer.ground.model import Chunk, DamagedInputError
 from sniffer.ground.runs import ChunkRun, joined
 from sniffer.sources.text import FIRST_LINES, PAUSE, DamagedLine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
-
-GROUP: Final = 1 << 18
-"""Payload of a group, in bytes."""
-
-GROUP_CHUNKS: Final = 1 << 15
-"""Chunks of a group at most: lines may hold a byte each."""
 
 
 class ManyBusesError(DamagedInputError):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from sniffer.ground.limits import GROUP_CHUNKS
 from sniffer.ground.model import DamagedInputError, Direction
 from sniffer.sources.candump import CandumpLog
 from sniffer.sources.text import BLOCK, DamagedLine, Opened, blocks, read_log
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
     from sniffer.ground.model import Chunk
-
-GROUP_CHUNKS: Final = 1 << 15
-"""Chunks of a group at most."""
 
 
 class LogCount(NamedTuple):

@@ -13,6 +13,7 @@ from typing import Final
 from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import Sentence
+from sniffer.messages import MAGIC
 from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl, labelled
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
@@ -35,7 +36,7 @@ HEAD: Final = 1 << 16
 """Bytes that recognition may look at."""
 
 RAW_SUFFIXES: Final = frozenset({".bin", ".dat", ".raw"})
-MCAP_MAGIC: Final = b"\x89MCAP"
+MCAP_MAGIC: Final = MAGIC[:5]  # of any version
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
