@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.acting import SURE
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, Severity
 from sniffer.simulation import Fault, simulate
 from tests.conversations import MS, TONGUES, Conversation, robot, through_usb, without_clock
@@ -174,22 +173,6 @@ def test_a_controller_that_waits_in_vain_hears_no_answer_either() -> None:
     told = codes(robot("mightyzap", 8, instead=in_vain, rate_hz=10).diagnosed())
     assert {"nobody-answers", "waits-in-vain"} <= told
     assert "goes-on-unanswered" not in told
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_where_nobody_answers_no_rate_is_sure_and_the_supply_is_looked_at(protocol: str) -> None:
-    """Servos without power, or of another port, are as silent as those at another rate."""
-
-    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
-        talk.ask_in_vain(servo, 25)
-        talk.ask_in_vain(servo, 25)
-        return True
-
-    (incident,) = (
-        robot(protocol, 8, instead=in_vain, rate_hz=6, goals=False).diagnosed().incidents()
-    )
-    assert incident.causes[0].confidence < SURE
-    assert "easure the supply at a servo" in incident.next
 
 
 def test_who_asks_once_a_cycle_waits_as_long_whether_he_is_answered_or_not() -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import random
 
-from tests.conversations import Conversation, swinging
+import pytest
+
+from sniffer.diagnosis.acting import SURE
+from tests.conversations import TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 
 SERVOS = (1, 2, 3, 4)
@@ -93,3 +96,19 @@ def test_answers_with_an_altered_id_are_no_late_ones_of_whoever_that_is() -> Non
 
 def test_requests_that_come_after_any_time_show_no_timeout() -> None:
     assert "gives-up-early" not in codes(late_for_everybody(second=True).diagnosed())
+
+
+@pytest.mark.parametrize("protocol", TONGUES)
+def test_where_nobody_answers_no_rate_is_sure_and_the_supply_is_looked_at(protocol: str) -> None:
+    """Servos without power, or of another port, are as silent as those at another rate."""
+
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.ask_in_vain(servo, 25)
+        talk.ask_in_vain(servo, 25)
+        return True
+
+    (incident,) = (
+        robot(protocol, 8, instead=in_vain, rate_hz=6, goals=False).diagnosed().incidents()
+    )
+    assert incident.causes[0].confidence < SURE
+    assert "easure the supply at a servo" in incident.next
