@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import NS, Clock, Mark, MarkKind, Severity
+from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind, Severity
 from tests.conversations import (
     BAUD,
     MS,
@@ -355,3 +355,18 @@ def test_text_lines_that_differ_in_length_make_no_servo_slow_where_the_rate_is_u
     talk = robot("lss", 10, rate_hz=10, baud=9600, path=places)
     rows = [replace(c, clock=Clock.FILE, t_ns=(c.t_ns or 0) // 1000 * 1000) for c in talk.chunks]
     assert "slower-than-peers" not in codes(diagnosed(rows, "lss"))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_host_that_is_late_with_one_answer_in_ten_makes_no_servo_slow(protocol: str) -> None:
+    """A tenth of its answers is later than nine tenths of its peers', whoever it is."""
+    rng = random.Random(2)
+    talk = robot(protocol, 10, rate_hz=20, baud=57600)
+    late: list[Chunk] = []
+    for c in talk.chunks:
+        held_ms = rng.uniform(5, 25) if rng.random() < 0.1 else 0.2
+        stamp = (c.t_ns or 0) + int(held_ms * MS)
+        late.append(
+            replace(c, clock=Clock.READ, t_ns=max(stamp, late[-1].t_ns or 0) if late else stamp)
+        )
+    assert "slower-than-peers" not in codes(diagnosed(late, protocol, baud=57600, latency_ns=MS))

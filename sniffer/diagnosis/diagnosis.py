@@ -134,8 +134,7 @@ class Diagnosis:
         cases = self.cases()
         until_ns = max((case.last_ns for case in cases if case.has_clock), default=0)
         for judged, case in zip(self.judged(), cases, strict=True):
-            # who looks for servos asks ids that there are not
-            servos = len(case.answering) or len(judged["servo_ids"])
+            servos = len(judged["servo_ids"])
             good_ns = judged["latency_ns"] or 0
             unsure_ns = case.ledger.exchanges.unsure_ns
             good_ns = unsure_ns if unsure_ns > good_ns + TELLING_NS else good_ns

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.keys import pair_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.protocols.base import reply_delay_ns
@@ -23,7 +24,7 @@ FINDINGS: Final = (
         "slower-than-peers",
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
-        "A tenth of its answers or more, five at least, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
+        "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
     ),
     FindingCode(
         "slower-than-its-delay",
@@ -41,6 +42,12 @@ TIMES: Final = 1.5
 
 SHARE: Final = 0.1
 LEAST: Final = 5
+
+CHANCE: Final = 1e-3
+OFTENER: Final = 3
+"""So seldom a servo would be late as often as it is if it were late as its peers are, and so many times
+as often as they it is: a busy host is late with any servo's answer now and then, with some servo's
+oftener as it is busy at some step, and a tenth of all are later than nine tenths."""
 
 MOSTLY: Final = 0.9
 """What nearly all answers of a servo are is the servo's: noise, and who speaks into them, move some."""
@@ -103,7 +110,13 @@ def _slower(
             more = MORE_NS + one.spare_ns
             too_long = max(fast.high, fast.low + more, round(TIMES * fast.low))
             late = told.above(key, too_long)
-            if late >= max(LEAST, SHARE * count):
+            others = [k for k in one.rows.values() if k != key]
+            # one more than was seen: of peers that never were late nobody knows that they never are
+            theirs = (1 + sum(told.above(k, too_long) for k in others)) / (
+                1 + sum(told.count(k) for k in others)
+            )
+            is_more = late >= OFTENER * theirs * count and at_least(late, count, theirs) < CHANCE
+            if is_more and late >= max(LEAST, SHARE * count):
                 usual = told.at(key, 0.5)
                 assert usual is not None
                 found.setdefault(servo, []).append(

@@ -148,7 +148,7 @@ WEIGHTS: Final = (
         ("nobody-answers", 2.2, "not one answer in the whole capture"),
         ("nobody-asks", 4.0, "answers, and not one request"),
         ("no-request-heard", 0.5, "answers, and not one request so far"),
-        ("goes-on-unanswered", 2.3, "the controller does hear answers"),
+        ("goes-on-unanswered", 1.5, "the controller does hear answers"),
         ("waits-in-vain", -3.0, "the controller hears no answer either"),
         ("no-response", 0.5, "the answers are on the wire that is not heard"),
         ("unsolicited-response", 0.5, "the requests are on the wire that is not heard"),
