@@ -159,6 +159,7 @@ def test_a_bus_whose_bytes_nothing_explains_leaves_the_others_their_protocols(
         "leg": "mightyzap",
         "tail": "rs30x",
     }
+    assert "then nothing" not in within(capsys, "diagnose", path).out, "its bytes go on to the end"
 
 
 def test_where_nothing_can_be_said_of_one_bus_the_others_are_judged_and_it_is_named(

@@ -132,7 +132,7 @@ class Diagnosis:
         """Return on what it was judged, in words."""
         parts = []
         cases = self.cases()
-        until_ns = max((case.last_ns for case in cases if case.has_clock), default=0)
+        until_ns = max((_heard_until_ns(case) for case in cases if case.has_clock), default=0)
         for judged, case in zip(self.judged(), cases, strict=True):
             servos = len(judged["servo_ids"])
             good_ns = judged["latency_ns"] or 0
@@ -155,7 +155,12 @@ class Diagnosis:
 
 def _then_nothing(case: Case, until_ns: int) -> str:
     """Say that a bus fell silent for good while others go on, and for longer than ever before."""
-    silent_ns = until_ns - case.last_ns if case.has_clock else 0
+    silent_ns = until_ns - _heard_until_ns(case) if case.has_clock else 0
     if silent_ns < QUIET_NS or silent_ns < 2 * case.line["pause_max"].max(initial=0):
         return ""
     return f", then nothing for the last {silent_ns / NS:.0f} s, while others go on"
+
+
+def _heard_until_ns(case: Case) -> int:
+    """Return when the last byte came, also one of no frame."""
+    return int(case.line["t_last"].max(initial=case.last_ns))
