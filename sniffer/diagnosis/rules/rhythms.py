@@ -90,7 +90,7 @@ class _Meeting(NamedTuple):
 
 def rhythms_meet(case: Case) -> Iterator[Finding]:
     """Find frames that are torn where two rhythms meet that drift through each other."""
-    torn = [d for d in case.damages if d.t_ns > 0 and not of_twins(case, d)]
+    torn = [d for d in case.damages if d.t_ns > 0]
     if not case.has_clock or case.latency_ns > EXACT_NS or len(torn) < TORN:
         return
     at = np.array([d.t_ns for d in torn], np.int64)
@@ -117,6 +117,8 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     if best is None or len(best[1]) < TORN or best[0] > CHANCE:
         return
     chance, where, judged, sound, n, pair = best
+    if 2 * sum(of_twins(case, torn[k]) for k in where) > len(where):
+        return  # what two answers of one id tear stands where that id is asked
     yield finding_of(
         [torn[k] for k in where],
         "rhythms-meet",
