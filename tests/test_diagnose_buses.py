@@ -164,6 +164,20 @@ def test_a_bus_whose_bytes_nothing_explains_leaves_the_others_their_protocols(
     assert len(set(silent)) == 1, "arm and leg end together, tail goes on"
 
 
+def test_a_bus_whose_bytes_nothing_explains_is_judged_by_reports_and_checks_too(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Both were refused, the other bus as well."""
+    torn = at_another_rate(heard("leg", "lss", seconds=6))
+    path, out = beside(tmp_path / "a.log", heard("arm", "lss", seconds=6), torn), tmp_path / "a.md"
+    rules = tmp_path / "rules.toml"
+    rules.write_text("[[rule]]\nwhat = 'incidents'\nat_most = 0\n", encoding="utf-8")
+    checked = within(capsys, "check", path, "--rules", rules)
+    assert (checked.status, "wrong-baud on leg: " in checked.out) == (1, True)
+    assert within(capsys, "report", path, "-o", out).status == 0
+    assert "error: Wrong baud rate on leg" in out.read_text("utf-8")
+
+
 def test_where_nothing_can_be_said_of_one_bus_the_others_are_judged_and_it_is_named(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

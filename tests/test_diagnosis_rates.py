@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.uart import received, sent
+from sniffer.ground.model import Chunk, Clock
 from tests.conversations import BAUD, Conversation, robot, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.lists import in_turn
@@ -123,3 +124,10 @@ def test_zeros_one_behind_the_other_are_a_line_that_is_held_and_no_slow_one() ->
         talk.say(bytes(1024))
     told = talk.diagnosed()
     assert [incident.cause for incident in told.incidents()] == ["line-stuck"]
+
+
+@pytest.mark.parametrize("size", [600, 3000, 40_000])
+def test_bytes_that_are_as_even_as_random_ones_are_no_conversation_at_any_rate(size: int) -> None:
+    """A packed or encrypted file that somebody takes for a capture."""
+    chunk = Chunk(random.Random(size).randbytes(size), None, Clock.NONE)
+    assert "nothing-holds" not in codes(diagnosed([chunk], "mightyzap"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +14,12 @@ ALTERED: Final = 0.5
 
 SEQUENCE: Final = 6
 """Bytes of which a sequence is that comes again in a conversation, and not in noise."""
+
+VALUES: Final = 256
+"""Those of a byte."""
+
+EVEN: Final = 5.0
+"""Standard deviations that random bytes are beyond a few times in a million."""
 
 REPEATS: Final = 0.15
 """Part of such sequences that come again in a conversation; in noise there is none."""
@@ -33,6 +40,17 @@ def is_altered(got: bytes, whole: bytes, still: float = ALTERED) -> bool:
     """Tell whether bytes are those of a request, some altered; ``still``: which part is not."""
     same = sum(a == b for a, b in zip(got, whole, strict=False))
     return got != whole and len(got) == len(whole) and same >= still * len(whole)
+
+
+def is_even(data: bytes) -> bool:
+    """Tell whether all values come as often as among random bytes: packed or encrypted ones.
+
+    By Pearson's test: the squares have 255 degrees of freedom, so their mean is that and their
+    variance twice that. What is said on a bus is far from it, at whatever rate it is read.
+    """
+    expected = len(data) / VALUES
+    squares = sum((data.count(k) - expected) ** 2 for k in range(VALUES)) / max(expected, 1e-9)
+    return squares < VALUES - 1 + EVEN * math.sqrt(2 * (VALUES - 1))
 
 
 def header_of(known: Sequence[bytes]) -> int:

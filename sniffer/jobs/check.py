@@ -70,9 +70,7 @@ def check(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_capture(
-        source, input_format, again=window is not None, wiring=options.wired
-    ) as opened:
+    with open_capture(source, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         asked = tuple(rule.meant(options.called) for rule in asked)
         found = hear(

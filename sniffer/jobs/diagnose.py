@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.called import ServoNames
@@ -11,8 +11,8 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.likely import as_likely, is_explained
 from sniffer.jobs.through import hear_part
-from sniffer.protocols import PROTOCOLS
 from sniffer.sources.several import inputs_of, name_of
 
 if TYPE_CHECKING:
@@ -99,16 +99,9 @@ def diagnose(
     except UndecidedError as error:
         if name_of(source) == name_of("-"):
             raise UndecidedError(Sentence(_ONCE, told=error.args[0])) from error
-        # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
-        # same then: unless any begin well, it is judged as the first protocol's.
         others, diagnosis = diagnosis, Diagnosis()
-        first = next(iter(PROTOCOLS))
-        likely = {bus: name or first for bus, name in error.likely_of.items()}
-        spoken = {**others.spoken(), **likely, **options.protocols}
-        fallback = options.protocol if likely else error.likely or first
-        done = hear(diagnosis, replace(options, protocol=fallback, protocols=spoken))
-        told = {incident.bus for incident in diagnosis.incidents()}
-        if likely.keys() - told or not told:
+        done = hear(diagnosis, as_likely(error, others, options))
+        if not is_explained(error, diagnosis):
             if not others.spoken():
                 raise
             diagnosis = others  # those whose protocol is known are judged all the same

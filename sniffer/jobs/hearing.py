@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.detect import UndecidedError
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.asked import Extract
+from sniffer.jobs.likely import as_likely, is_explained
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.statistics.collector import Collector
 
@@ -21,13 +23,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class HeardCapture:
-    """What was heard; ``damage`` says why the input was not read to its end (empty: it was)."""
+    """What was heard, and under which options.
+
+    ``damage`` says why the input was not read to its end (empty: it was).
+    """
 
     summary: Summary
     collector: Collector
     diagnosis: Diagnosis
     ending: Ending
     damage: str
+    options: Options
 
 
 def hear(
@@ -41,23 +47,38 @@ def hear(
 ) -> HeardCapture:
     """Decode a source, or a part of it, and keep what reports and checks ask for.
 
+    The source may be read twice: beside buses whose protocol is known those are judged, too, of
+    which it cannot be told because something is wrong with them.
+
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
     """
-    collector, diagnosis = Collector(), Diagnosis()
-    damage: list[str] = []
-    asked = Extract.of(None, window)
-    if asked is not None:
-        asked = asked.sought_in(opened, options)
-    with undecided_of(name):
-        summary, ending = run_source(
-            opened,
-            options,
-            [collector, diagnosis],
-            name=name,
-            tell=tell,
-            patience=patience,
-            on_break=damage.append,
-            asked=asked,
-        )
-    return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage))
+
+    def heard(options: Options, diagnosis: Diagnosis) -> HeardCapture:
+        collector, damage = Collector(), list[str]()
+        asked = Extract.of(None, window)
+        if asked is not None:
+            asked = asked.sought_in(opened, options)
+        with undecided_of(name):
+            summary, ending = run_source(
+                opened,
+                options,
+                [collector, diagnosis],
+                name=name,
+                tell=tell,
+                patience=patience,
+                on_break=damage.append,
+                asked=asked,
+            )
+        return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage), options)
+
+    diagnosis = Diagnosis()
+    try:
+        return heard(options, diagnosis)
+    except UndecidedError as error:
+        if not diagnosis.spoken():
+            raise
+        again = heard(as_likely(error, diagnosis, options), Diagnosis())
+        if not is_explained(error, again.diagnosis):
+            raise
+        return again

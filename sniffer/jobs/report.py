@@ -112,7 +112,7 @@ def report(
         incidents = sorted((i.named(names) for i in hearing.diagnosis.incidents()), key=_rank)
         evidence = Exhibits(incidents)
         if not evidence.is_done:
-            _draw(opened, options, evidence)
+            _draw(opened, hearing.options, evidence)
         content = _content(hearing, opened, inputs, notes, incidents, evidence)
         done = Reported(content, hearing.ending)
     if path is None or hearing.ending == Ending.MISTAKEN:

@@ -12,7 +12,7 @@ from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.holding import spans_in
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
+from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, is_even, repeated
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.uart import MIDDLE
 from sniffer.diagnosis.unclaimed import first_low
@@ -200,7 +200,8 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
     if len(set(head)) < VALUES and slower is None:
         return
     # bits that a wrong rate cuts anew each time repeat little, but nothing ever holds by them
-    if again < REPEATS and slower is None and (total - lost > NONE * total or total < PLENTY):
+    varies = again < REPEATS and slower is None
+    if varies and (total - lost > NONE * total or total < PLENTY or is_even(head)):
         return
     t = case.line["t_first"].min(), case.line["t_last"].max()
     place = Place(0, min(total, 64), int(t[0]), "no frame")
