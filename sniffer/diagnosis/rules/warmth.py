@@ -19,7 +19,7 @@ from sniffer.protocols.base import RESTARTS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
     from sniffer.ground.model import I64, Mask
 
@@ -35,6 +35,12 @@ FINDINGS: Final = (
         "device",
         "A servo grows hot faster than work makes it.",
         "At least 15 degrees more than at the beginning, by a degree a second or faster by a clock, still rising at the end or up to the highest.",
+    ),
+    FindingCode(
+        "hotter-than-others",
+        "device",
+        "A servo is far hotter than every other one of its bus, and not yet at its limit.",
+        "For ten seconds at a stretch or longer at 60 degrees or more, and 25 more than the hottest of three others or more ever was.",
     ),
     FindingCode(
         "saved-while-cool",
@@ -74,6 +80,15 @@ FRESH_NS: Final = 5 * NS
 TWICE: Final = 2
 COOLS_NS: Final = 10 * NS
 """A motor that was at its limit takes minutes to cool by more than its thermometer flutters."""
+
+WARM_DEGC: Final = 60.0
+"""What is less hot is far from its limit, whatever the others are: some are shipped with 70."""
+
+ABOVE_DEGC: Final = 25.0
+OTHERS: Final = 3
+ABOVE_NS: Final = 10 * NS
+"""How much hotter than so many others a servo must be, and for how long: joints that do the same in
+pairs are hot in pairs, and a value that is misread passes."""
 
 RISE_DEGC: Final = 15.0
 
@@ -131,6 +146,8 @@ def temperature(case: Case) -> Iterator[Finding]:
             )
         if not case.has_clock:
             continue  # bytes without times take no seconds
+        if len(hot) <= 1:
+            yield from _above(case, servo, t)
         begin, top = float(t.mean[0]), int(np.argmax(t.mean))
         seconds = (int(t.t[top]) - int(t.t[0])) / NS
         rise = float(t.mean[top]) - begin
@@ -148,6 +165,38 @@ def temperature(case: Case) -> Iterator[Finding]:
             strength=min(0.4 + rise / 50, 1.0),
             brief=f"servo {servo} heats up by {t.told(round(rise))}",
         )
+
+
+def _above(case: Case, servo: int, t: Series) -> Iterator[Finding]:
+    """Tell of a servo that is far hotter than all others, and not yet at its limit."""
+    known = (
+        case.series(other, "temperature")
+        for other in case.measured_by("temperature")
+        if other != servo
+    )
+    others = [float(s.high.max()) for s in known if s is not None]
+    if len(others) < OTHERS:
+        return
+    above = t.low >= max(WARM_DEGC, max(others) + ABOVE_DEGC)
+    rows = np.flatnonzero(above)
+    if not runs(above, t.t, ABOVE_NS):
+        return
+    most = float(t.high[rows].max())
+    limit, of = _limit(case, servo)
+    yield Finding(
+        "hotter-than-others",
+        servo,
+        int(t.t_first[rows[0]]),
+        int(t.t[rows[-1]]),
+        len(rows),
+        f"servo {servo} measures {t.told(most)}, and none of the other {len(others)} ever more than "
+        f"{t.told(max(others))}; {of} {t.told(limit)}",
+        tuple(
+            Place(int(t.at[r]), 1, int(t.t_first[r]), f"temperature {t.told(t.high[r])}")
+            for r in rows[:2]
+        ),
+        brief=f"servo {servo} is at {t.told(most)}, the others at {t.told(max(others))} at most",
+    )
 
 
 def saved_while_cool(case: Case) -> Iterator[Finding]:
