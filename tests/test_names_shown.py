@@ -128,7 +128,7 @@ def test_narrow_lines_keep_their_room_for_values(both: Path) -> None:
 
 def test_causes_and_what_was_found_name_the_servos(both: Path) -> None:
     shown = " ".join(sniffer("diagnose", both).out.split())
-    assert f"brownout of servo 1 {LONG} (99 %)" in shown
+    assert f"brownout of servo 1 {LONG} on arm (99 %)" in shown
     assert f"the supply breaks down (servo 1 {LONG})" in shown
     assert f"supply of servo 1 {LONG} sags to 6.9 V" in shown
     assert "duplicate-id of servo 2 wrist" in shown
