@@ -302,7 +302,7 @@ _CAUSES: Final = (
         -1.0,
         "a servo too hot",
         "A servo's temperature reaches its limit.",
-        "Temperature rising to the limit, or its alarm.",
+        "Temperature rising to the limit, or its alarm; or far above that of every other servo.",
         "An overload.",
         "Less load, more air, pauses.",
         "Record load and temperature together while it cools and works.",
