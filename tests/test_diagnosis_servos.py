@@ -235,14 +235,14 @@ def test_where_all_fall_silent_at_once_what_they_share_is_to_be_looked_at(
     assert asks in incident.next
 
 
+def becomes_1(talk: Conversation, cycle: int) -> None:
+    """Write to the id where futaba_RS405CB means its reverse mode: servo 2 becomes servo 1."""
+    if cycle == 8:
+        talk.write(rs30x.write(2, 0x04, b"\1"))
+
+
 @pytest.mark.parametrize("gap_ms", [0.1, 8.0])
 def test_an_id_that_another_servo_has_is_told_with_the_frame_that_gave_it(gap_ms: float) -> None:
-    """futaba_RS405CB writes its reverse mode to the address of the id: servo 2 becomes servo 1."""
-
-    def begin(talk: Conversation, cycle: int) -> None:
-        if cycle == 8:
-            talk.write(rs30x.write(2, 0x04, b"\1"))
-
     def both(talk: Conversation, cycle: int, servo: int) -> bool:
         if cycle < 8 or servo == 3:
             return False
@@ -255,7 +255,7 @@ def test_an_id_that_another_servo_has_is_told_with_the_frame_that_gave_it(gap_ms
             talk.rest(1)
         return True
 
-    d = robot("rs30x", 1.5, rate_hz=20, before=begin, instead=both).diagnosed()
+    d = robot("rs30x", 1.5, rate_hz=20, before=becomes_1, instead=both).diagnosed()
     assert verdicts(d.incidents()) == [("duplicate-id", (1,))]
     told = finding(d, "id-given-twice")
     assert told is not None
@@ -264,10 +264,6 @@ def test_an_id_that_another_servo_has_is_told_with_the_frame_that_gave_it(gap_ms
 
 @pytest.mark.parametrize("torn", [True, False])
 def test_an_id_is_given_twice_where_its_answers_lie_over_each_other_since(*, torn: bool) -> None:
-    def begin(talk: Conversation, cycle: int) -> None:
-        if cycle == 8:
-            talk.write(rs30x.write(2, 0x04, b"\1"))
-
     def over(talk: Conversation, cycle: int, servo: int) -> bool:
         if cycle < 8 or servo == 3:
             return False
@@ -283,7 +279,7 @@ def test_an_id_is_given_twice_where_its_answers_lie_over_each_other_since(*, tor
         talk.rest(1)
         return True
 
-    d = robot("rs30x", 1.5, rate_hz=20, before=begin, instead=over).diagnosed()
+    d = robot("rs30x", 1.5, rate_hz=20, before=becomes_1, instead=over).diagnosed()
     assert (finding(d, "id-given-twice") is not None) == torn
     assert (verdicts(d.incidents()) == [("duplicate-id", (1,))]) == torn
 

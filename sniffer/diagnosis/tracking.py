@@ -118,8 +118,8 @@ class Tracker:
                 changes += _go_on(pairs[nth], incident, now_ns)
                 continue
             self._number += 1
-            new = Tracked(replace(incident, number=self._number), incident.cause)
-            new.servos = len(incident.servo_ids)
+            numbered = replace(incident, number=self._number)
+            new = Tracked(numbered, incident.cause, servos=len(incident.servo_ids))
             known.append(new)
             changes.append(IncidentChange(Stage.OPENED, now_ns, new.incident))
         for one in known:

@@ -17,7 +17,7 @@ from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
@@ -122,8 +122,9 @@ APART_NS: Final = NS // 2
 
 def temperature(case: Case) -> Iterator[Finding]:
     """Servos that are hot, or get so."""
-    for servo in case.measured_by("temperature"):
-        t = case.series(servo, "temperature")
+    known = {servo: case.series(servo, "temperature") for servo in case.measured_by("temperature")}
+    hottest = {servo: float(t.high.max()) for servo, t in known.items() if t is not None}
+    for servo, t in known.items():
         if t is None or len(t) < 2:
             continue
         limit, of = _limit(case, servo)
@@ -137,17 +138,14 @@ def temperature(case: Case) -> Iterator[Finding]:
                 int(t.t[hot[-1]]),
                 len(hot),
                 f"servo {servo} measures {t.told(most)}, {of} {t.told(limit)}",
-                tuple(
-                    Place(int(t.at[r]), 1, int(t.t_first[r]), f"temperature {t.told(t.high[r])}")
-                    for r in hot[:2]
-                ),
+                _places(t, hot[:2]),
                 strength=1.0 if most >= limit else 0.75,
                 brief=f"servo {servo} is at {t.told(most)}",
             )
         if not case.has_clock:
             continue  # bytes without times take no seconds
         if len(hot) <= 1:
-            yield from _above(case, servo, t)
+            yield from _above(case, servo, t, [most for i, most in hottest.items() if i != servo])
         begin, top = float(t.mean[0]), int(np.argmax(t.mean))
         seconds = (int(t.t[top]) - int(t.t[0])) / NS
         rise = float(t.mean[top]) - begin
@@ -161,20 +159,21 @@ def temperature(case: Case) -> Iterator[Finding]:
             1,
             f"servo {servo} rises from {t.told(begin)} to {t.told(begin + rise)} in "
             f"{seconds:.1f} s; {of} {t.told(limit)}",
-            (Place(int(t.at[top]), 1, int(t.t_first[top]), f"temperature {t.told(t.high[top])}"),),
+            _places(t, [top]),
             strength=min(0.4 + rise / 50, 1.0),
             brief=f"servo {servo} heats up by {t.told(round(rise))}",
         )
 
 
-def _above(case: Case, servo: int, t: Series) -> Iterator[Finding]:
-    """Tell of a servo that is far hotter than all others, and not yet at its limit."""
-    known = (
-        case.series(other, "temperature")
-        for other in case.measured_by("temperature")
-        if other != servo
+def _places(t: Series, rows: Iterable[int]) -> tuple[Place, ...]:
+    """Return where temperatures were stated."""
+    return tuple(
+        Place(int(t.at[r]), 1, int(t.t_first[r]), f"temperature {t.told(t.high[r])}") for r in rows
     )
-    others = [float(s.high.max()) for s in known if s is not None]
+
+
+def _above(case: Case, servo: int, t: Series, others: Sequence[float]) -> Iterator[Finding]:
+    """Tell of a servo that is far hotter than all others ever were, and not yet at its limit."""
     if len(others) < OTHERS:
         return
     above = t.low >= max(WARM_DEGC, max(others) + ABOVE_DEGC)
@@ -191,10 +190,7 @@ def _above(case: Case, servo: int, t: Series) -> Iterator[Finding]:
         len(rows),
         f"servo {servo} measures {t.told(most)}, and none of the other {len(others)} ever more than "
         f"{t.told(max(others))}; {of} {t.told(limit)}",
-        tuple(
-            Place(int(t.at[r]), 1, int(t.t_first[r]), f"temperature {t.told(t.high[r])}")
-            for r in rows[:2]
-        ),
+        _places(t, rows[:2]),
         brief=f"servo {servo} is at {t.told(most)}, the others at {t.told(max(others))} at most",
     )
 
