@@ -116,18 +116,15 @@ class Seconds:
         if not len(times):
             return
         if self._last is not None:
-            times = np.where(times < (self._last + 1) * NS, self._open_from * NS, times)
+            behind = self._last + 1
+            oldest = min(self._open, default=behind)
+            times = np.where(times < behind * NS, oldest * NS, times)
         seconds, which, counts = distinct(times // NS)
         size = np.bincount(which, lengths) if lengths is not None else np.zeros(len(seconds))
         for second, n, b in zip(seconds.tolist(), counts.tolist(), size.tolist(), strict=True):
             row = self._open.setdefault(second, [0, 0, 0, 0])
             row[0] += int(b)
             row[column] += n
-
-    @property
-    def _open_from(self) -> int:
-        """The oldest second that is not written yet."""
-        return min(self._open, default=0 if self._last is None else self._last + 1)
 
     def over(self, *, final: bool) -> list[Stats]:
         """Return the seconds that are over; of a silence only its first and its last."""
