@@ -81,6 +81,19 @@ def test_what_strikes_several_buses_at_once_is_told_as_one_fault(
     assert [i["bus"] for i in found] == ["arm", "leg"], "scripts have one a bus"
 
 
+def test_buses_on_which_nobody_ever_answers_are_told_as_one_fault(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """As with cables in each other's port: nobody asked is there, and nothing was seen to begin."""
+    nobody = tuple(f"absent:{servo}" for servo in (1, 2, 3))
+    words = told(capsys, robot(tmp_path / "a.log", arm=nobody, leg=nobody, head=()))
+    assert "Nobody answers on arm and leg from the first request on (incidents 1 and 2): " in words
+    assert "these buses share (cables in each other's port, their supply, " in words
+    one = told(capsys, robot(tmp_path / "b.log", arm=nobody, head=()))
+    assert "not one answer" in one
+    assert "likelier" not in one
+
+
 @pytest.mark.parametrize("suffix", ["md", "html"])
 def test_a_report_tells_what_strikes_several_buses_at_once_as_one_fault(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str

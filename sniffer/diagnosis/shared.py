@@ -1,8 +1,8 @@
-"""Incidents that begin on several buses at one moment: one fault of what these buses share."""
+"""Incidents of several buses that are likely one fault: of what these buses share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +26,15 @@ SHARES: Final[Mapping[str, str]] = MappingProxyType(
 """What buses share that strikes them all at once, by cause; others are of one bus, whatever began
 on another one then."""
 
+NOBODY: Final = "nobody-answers"
+"""The finding of a bus on which no servo answered, from its first request on."""
+
+UNANSWERED: Final = (
+    "cables in each other's port, their supply, the rate their program sets, "
+    "taps that hear one wire of two"
+)
+"""What several buses share on which nobody ever answered, whatever cause each of them is told."""
+
 NEAR_NS: Final = NS
 """So far apart at most its first signs are seen: a servo that is asked once a second shows them
 when it is asked."""
@@ -38,22 +47,27 @@ FROM_THE_BEGIN_NS: Final = 2 * NS
 class Shared:
     """Incidents, by their numbers, that are likely one fault: of what buses share.
 
-    ``apart_ns`` lie between the beginnings of the first and the last, ``what`` is shared.
+    ``apart_ns`` lie between the beginnings of the first and the last, None where each was there
+    from the begin on; ``what`` is shared.
     """
 
     numbers: tuple[int, ...]
     buses: tuple[str, ...]
-    apart_ns: int
+    apart_ns: int | None
     what: str
 
     @property
     def told(self) -> str:
         """It as a sentence, with what to look at first."""
-        tenths = max(-(-self.apart_ns * 10 // NS), 1)
+        mine, on = numbered(self.numbers), and_([*self.buses])
+        if self.apart_ns is None:
+            what = f"Nobody answers on {on} from the first request on (incidents {mine})"
+        else:
+            tenths = max(-(-self.apart_ns * 10 // NS), 1)
+            what = f"Incidents {mine} begin within {tenths / 10:g} s on {on}"
         return (
-            f"Incidents {numbered(self.numbers)} begin within {tenths / 10:g} s on "
-            f"{and_([*self.buses])}: one fault is likelier than {len(self.buses)}; look first at "
-            f"what these buses share ({self.what})."
+            f"{what}: one fault is likelier than {len(self.buses)}; look first at what these "
+            f"buses share ({self.what})."
         )
 
 
@@ -62,6 +76,7 @@ def shared(incidents: Sequence[Incident], began: Mapping[str, int]) -> tuple[Sha
 
     ``began`` is when what was heard of each bus that has a clock began.
     """
+    silent = [i for i in incidents if any(f.code == NOBODY for f in i.findings)]
     groups: list[list[Incident]] = []
     for what in (SUPPLY, PROGRAM, GROUND):
         mine = [
@@ -73,7 +88,14 @@ def shared(incidents: Sequence[Incident], began: Mapping[str, int]) -> tuple[Sha
                 groups.append([])
                 last = i.first_ns
             groups[-1].append(i)
-    return tuple(_told(group) for group in groups if len({i.bus for i in group}) > 1)
+    told = [_told(group, SHARES[group[0].cause]) for group in groups if _are_several(group)]
+    if _are_several(silent):
+        told.append(replace(_told(silent, UNANSWERED), apart_ns=None))
+    return tuple(told)
+
+
+def _are_several(group: Sequence[Incident]) -> bool:
+    return len({i.bus for i in group}) > 1
 
 
 def _was_seen_to_begin(incident: Incident, began: Mapping[str, int]) -> bool:
@@ -81,12 +103,12 @@ def _was_seen_to_begin(incident: Incident, began: Mapping[str, int]) -> bool:
     return first is not None and incident.first_ns - first > FROM_THE_BEGIN_NS
 
 
-def _told(group: Sequence[Incident]) -> Shared:
+def _told(group: Sequence[Incident], what: str) -> Shared:
     return Shared(
         tuple(sorted(i.number for i in group)),
         tuple(dict.fromkeys(i.bus for i in sorted(group, key=lambda i: i.number))),
         max(i.first_ns for i in group) - min(i.first_ns for i in group),
-        SHARES[group[0].cause],
+        what,
     )
 
 
