@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.witnesses import moves_elsewhere, runs
 from sniffer.ground.model import NEVER_NS, NS
 from sniffer.protocols.base import LETS_GO, RESTARTS, TURNS_ELSEWHERE
 
@@ -126,7 +127,7 @@ class JointTrack:
             began = max(int(t[a]) - self._window_ns, int(self.position.t_first[0]))
             if int(t[b]) - began >= WINDOW_NS:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
-        return [one for one in out if not self._moves_elsewhere(one)]
+        return [one for one in out if not self._is_seen_to_move(one)]
 
     def follows(self, since_ns: int) -> bool:
         """Tell whether it is near its goals for the second that begins a second later."""
@@ -146,18 +147,10 @@ class JointTrack:
         stays: Mask = (high - low < self.far / 2) & kept
         return stays
 
-    def _moves_elsewhere(self, away: Away) -> bool:
-        """Tell whether another register has the joint moving while it stands by this one.
-
-        Who looks once a second at what moves once a second sees it stand.
-        """
-        for other in self._case.every(self.servo_id, "position"):
-            if other.index == self.position.index or other.unit != self.position.unit:
-                continue
-            rows = np.flatnonzero((other.t_first >= away.first_ns) & (other.t <= away.last_ns))
-            if len(rows) and float(other.high[rows].max() - other.low[rows].min()) > self.far:
-                return True
-        return False
+    def _is_seen_to_move(self, away: Away) -> bool:
+        """Tell whether another register has it moving where this one's positions have it stand."""
+        case, who, span = self._case, self.servo_id, (away.first_ns, away.last_ns)
+        return moves_elsewhere(case, who, self.position, span, self.far) or runs(case, who, span)
 
     @functools.cached_property
     def _window_ns(self) -> int:
