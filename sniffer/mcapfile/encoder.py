@@ -18,7 +18,8 @@ from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
 from sniffer.ground.distinct import distinct, groups_of
-from sniffer.mcapfile.rows import HEAD, RECORD, Blob, Heads, Loose, MessageRows, Void
+from sniffer.mcapfile.rows import Blob, Heads, Loose, MessageRows, Void
+from sniffer.mcapfile.structs import HEAD, MESSAGE
 from sniffer.mcapfile.varints import narrow, sized, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class _Shape:
             elif text is not None:
                 pieces.append(varint(field.number << 3 | 2) + (varint(text) if text >= 0 else b""))
                 if text < 0:
-                    self._open = RECORD.size + _width(pieces)
+                    self._open = MESSAGE.size + _width(pieces)
                 if text > 0:
                     pieces.append((name, f"V{text}", f"{text}s"))
             elif name in names:
@@ -84,7 +85,7 @@ class _Shape:
                 pieces += [varint(field.number << 3 | wire), (name, dtype, code)]
         size = _width(pieces)
         self._pieces = [
-            HEAD.pack(Opcode.MESSAGE, RECORD.size - HEAD.size + size),
+            HEAD.pack(Opcode.MESSAGE, MESSAGE.size - HEAD.size + size),
             ("#channel", "<u2", "H"),
             ("#sequence", "<u4", "I"),
             bytes(8),
@@ -92,7 +93,7 @@ class _Shape:
             *pieces,
         ]
         self.names = [p[0] for p in self._pieces if not isinstance(p, bytes)]
-        self._width = RECORD.size + size
+        self._width = MESSAGE.size + size
         codes = "".join(f"{len(p)}s" if isinstance(p, bytes) else p[2] for p in self._pieces)
         self._pack = struct.Struct("<" + codes).pack
         self._arguments: list[Any] = [p if isinstance(p, bytes) else 0 for p in self._pieces]

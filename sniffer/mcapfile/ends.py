@@ -20,6 +20,7 @@ from mcap.records import Metadata, MetadataIndex
 from sniffer.ground.cutting import cut
 from sniffer.ground.limits import OFFSET_END, TIME_END_NS, number_in
 from sniffer.mcapfile.records import TOLD
+from sniffer.mcapfile.structs import FOOT, GROUP, HEAD, foot, whole, whole_until
 from sniffer.messages import END, MAGIC, OFFSET, TIME
 
 if TYPE_CHECKING:
@@ -27,10 +28,6 @@ if TYPE_CHECKING:
 
     from sniffer.ground.files import Stream
     from sniffer.ground.model import Chunk
-
-_HEAD: Final = struct.Struct("<BQ")
-_FOOTER: Final = struct.Struct("<BQQQI8s")
-_GROUP: Final = struct.Struct("<BQBQQ")
 
 GROUPS: Final = 64
 """Kinds of records in an index at most: the format has fifteen."""
@@ -110,19 +107,18 @@ class _File:
         Raises:
             _NonsenseError: there is no index.
         """
-        end = self._size - _FOOTER.size
-        foot = self._read(end, _FOOTER.size)
-        opcode, size, _, start, _, magic = _FOOTER.unpack(foot)
-        if (opcode, size, magic) != (Opcode.FOOTER, 20, MAGIC):
+        end = self._size - FOOT
+        told = foot(self._read(end, FOOT))
+        if told is None:
             raise _NonsenseError
-        if not start:  # another tool's
+        if not told.offsets:  # another tool's
             return None
         found: int | None = None
-        length = end - start
-        if length % _GROUP.size or length > GROUPS * _GROUP.size:
+        length = end - told.offsets
+        if length % GROUP.size or length > GROUPS * GROUP.size:
             raise _NonsenseError
-        for opcode, size, of, at, n in _GROUP.iter_unpack(self._read(start, length)):
-            if (opcode, size) != (Opcode.SUMMARY_OFFSET, _GROUP.size - _HEAD.size):
+        for opcode, size, of, at, n in GROUP.iter_unpack(self._read(told.offsets, length)):
+            if (opcode, size) != (Opcode.SUMMARY_OFFSET, GROUP.size - HEAD.size):
                 raise _NonsenseError
             if of == Opcode.METADATA_INDEX:
                 for index in _all(MetadataIndex, of, self._read(at, n)):
@@ -135,14 +131,14 @@ class _File:
         if self._size < len(MAGIC) or self._read(0, len(MAGIC)) != MAGIC:
             return None
         at, found = len(MAGIC), None
-        while at + _HEAD.size <= self._size:
-            opcode, size = _HEAD.unpack(self._read(at, _HEAD.size))
-            if opcode in (0, Opcode.DATA_END) or size > self._size - at - _HEAD.size:
+        while at + HEAD.size <= self._size:
+            opcode, size = HEAD.unpack(self._read(at, HEAD.size))
+            if opcode in (0, Opcode.DATA_END) or size > self._size - at - HEAD.size:
                 break
             is_told = opcode == Opcode.METADATA and size >= len(self._begins)
-            if is_told and self._read(at + _HEAD.size, len(self._begins)) == self._begins:
+            if is_told and self._read(at + HEAD.size, len(self._begins)) == self._begins:
                 found = at
-            at += _HEAD.size + size
+            at += HEAD.size + size
         return found
 
     def facts(self, at: int) -> dict[str, str]:
@@ -151,10 +147,10 @@ class _File:
         Raises:
             _NonsenseError: there is none.
         """
-        opcode, size = _HEAD.unpack(self._read(at, _HEAD.size))
+        opcode, size = HEAD.unpack(self._read(at, HEAD.size))
         if opcode != Opcode.METADATA:
             raise _NonsenseError
-        record: Metadata = _parsed(Metadata, self._read(at + _HEAD.size, size))
+        record: Metadata = _parsed(Metadata, self._read(at + HEAD.size, size))
         if record.name != self._name:
             raise _NonsenseError
         return record.metadata
@@ -172,15 +168,12 @@ class _File:
 
 def _all(kind: Any, opcode: int, data: bytes) -> Iterator[Any]:
     """Yield records of one kind that stand side by side."""
-    at = 0
-    while at < len(data):
-        if len(data) - at < _HEAD.size:
+    if whole_until(data) != len(data):
+        raise _NonsenseError
+    for found, body, end in whole(data):
+        if found != opcode:
             raise _NonsenseError
-        found, size = _HEAD.unpack_from(data, at)
-        at += _HEAD.size + size
-        if found != opcode or at > len(data):
-            raise _NonsenseError
-        yield _parsed(kind, data[at - size : at])
+        yield _parsed(kind, data[body:end])
 
 
 def _parsed(kind: Any, body: bytes) -> Any:

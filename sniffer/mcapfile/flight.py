@@ -12,16 +12,16 @@ no other one: that needs something that is new.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
-from sniffer.ground.files import is_lost, writing
+from sniffer.ground.files import writing
 from sniffer.ground.model import NS, Chunk
 from sniffer.mcapfile.flightfile import FlightFile
+from sniffer.mcapfile.numbered import NumberedFiles
 from sniffer.mcapfile.open import OpenIncidents
 from sniffer.mcapfile.ring import Ring
 from sniffer.mcapfile.ringfile import RingFile, put_aside
@@ -137,7 +137,6 @@ class FlightRecorder:
         self._session = dict(session)
         self._options = options
         self._around = around
-        self._keep = keep
         self._durable = durable
         self._topics = topics
         self._joints: JointPlaces | None = None
@@ -150,8 +149,7 @@ class FlightRecorder:
         span_ns = around.before_ns if around.before_ns is not None else 1 << 60
         self.ring = Ring(span_ns, around.most)
         self._number = 0
-        self._files: list[tuple[Path, tuple[int, int]]] = []
-        self._deleted: list[Path] = []
+        self._files = NumberedFiles(path, keep)
         self._decided: dict[str, int] = {}
         self._open = OpenIncidents()
         self._finished = 0
@@ -172,7 +170,7 @@ class FlightRecorder:
     @property
     def path(self) -> Path:
         """The file that is being written, or the last one."""
-        return self._files[-1][0] if self._files else self._base
+        return self._files.latest or self._base
 
     @property
     def size(self) -> int:
@@ -182,12 +180,12 @@ class FlightRecorder:
     @property
     def files(self) -> tuple[Path, ...]:
         """The files that are kept."""
-        return tuple(path for path, _ in self._files if path not in self._deleted)
+        return self._files.kept
 
     @property
     def deleted(self) -> tuple[Path, ...]:
         """The files that somebody has deleted while they were written."""
-        return tuple(self._deleted)
+        return self._files.deleted
 
     @property
     def remarks(self) -> list[str]:
@@ -197,7 +195,7 @@ class FlightRecorder:
     @property
     def is_lost(self) -> bool:
         """Tell whether the file that is being written is no more under its name."""
-        return self._current is not None and is_lost(*self._files[-1])
+        return self._current is not None and self._files.is_lost
 
     def happened(self, what: Happening) -> None:
         """Learn that something happened; ``flush`` begins a file, or the current one goes on.
@@ -271,8 +269,8 @@ class FlightRecorder:
                 "asked for"
             )
         current = self._current
-        if current is not None and current.sink.is_deleted and current.path not in self._deleted:
-            self._deleted.append(current.path)
+        if current is not None and current.sink.is_deleted:
+            self._files.lost(current.path)
 
     def flush(self) -> None:
         """Write what waits, and some of what is made of it; end a file whose time is over.
@@ -353,8 +351,7 @@ class FlightRecorder:
         )
         self._current = current
         current.sink.incidents(self._open.changes)
-        status = path.stat()
-        self._files.append((path, (status.st_dev, status.st_ino)))
+        self._files.began(path)
         first = min((some.first_ns for some in past.values()), default=what.t_ns)
         self._tell(
             f"{what.what}: {path} has {max(what.t_ns - first, 0) / NS:.1f} s before it and will "
@@ -365,20 +362,11 @@ class FlightRecorder:
         self._finished += current.sink.size
         self._current = None
         self._tell(f"{current.path}: {current.bytes} bytes")
-        while self._keep is not None and len(self._files) > self._keep:
-            path, identity = self._files.pop(0)
-            with contextlib.suppress(OSError):
-                if not is_lost(path, identity):
-                    path.unlink()
+        self._files.drop_oldest()
         what, self._next = self._next, None
         if what is not None:
             self._begin(what)
 
     def _free_path(self) -> Path:
-        self._number += 1
-        while (path := self._numbered(self._number)).exists():
-            self._number += 1
-        return path
-
-    def _numbered(self, number: int) -> Path:
-        return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
+        self._number = self._files.free(self._number + 1)
+        return self._files.of(self._number)

@@ -6,7 +6,6 @@ and written piece by piece.
 
 from __future__ import annotations
 
-import struct
 import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -18,7 +17,6 @@ from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
     Channel,
-    Footer,
     McapRecord,
     MetadataIndex,
     Schema,
@@ -26,7 +24,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from sniffer.messages import MAGIC
+from sniffer.mcapfile.structs import ended
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -220,6 +218,4 @@ class FileSummary:
                 yield part
             if at > start:
                 offsets += as_bytes(SummaryOffset(opcode, start, at - start))
-        head = struct.pack("<BQQQ", Opcode.FOOTER, 20, here, at)
-        crc = zlib.crc32(head, zlib.crc32(offsets, crc))
-        yield offsets + as_bytes(Footer(here, at, crc)) + MAGIC
+        yield ended(here, at, offsets, crc)

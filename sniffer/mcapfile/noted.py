@@ -14,28 +14,23 @@ from __future__ import annotations
 import io
 import json
 import os
-import struct
 import zlib
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
+from mcap.records import DataEnd, Metadata, MetadataIndex, Statistics, SummaryOffset
 
 from sniffer.ground.files import writing
 from sniffer.ground.model import OutputError
 from sniffer.mcapfile.ends import facts_named
 from sniffer.mcapfile.index import as_bytes
-from sniffer.messages import MAGIC, MARKS
+from sniffer.mcapfile.structs import DATA_END, FOOT, HEAD, ended, foot, whole, whole_until
+from sniffer.messages import MARKS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
-
-_HEAD: Final = struct.Struct("<BQ")
-_FOOTER: Final = struct.Struct("<BQQQI")
-_DATA_END: Final = _HEAD.size + 4
-"""Length of the record that ends the data, in bytes."""
 
 
 def read_notes(path: Path) -> list[dict[str, Any]]:
@@ -58,13 +53,15 @@ def write_notes(path: Path, notes: Sequence[dict[str, Any]]) -> None:
     with writing(path), path.open("r+b") as file:
         size = file.seek(0, io.SEEK_END)
         summary, start = _summary(file, size, path)
-        at = start - _DATA_END
+        at = start - DATA_END.size
         file.seek(at)
-        end = DataEnd.read(_body(file.read(_DATA_END), Opcode.DATA_END, path))
-        crc = zlib.crc32(record, end.data_section_crc) if end.data_section_crc else 0
+        opcode, length, crc = DATA_END.unpack(file.read(DATA_END.size))
+        if (opcode, length) != (Opcode.DATA_END, DATA_END.size - HEAD.size):
+            raise _unknown(path)
+        crc = crc and zlib.crc32(record, crc)
         index = MetadataIndex(at, len(record), MARKS)
         fresh = record + as_bytes(DataEnd(crc))
-        fresh += _ended(summary, at + len(fresh), index)
+        fresh += _with_index(summary, at + len(fresh), index)
         file.seek(at)
         file.write(fresh)
         file.truncate()
@@ -74,24 +71,31 @@ def write_notes(path: Path, notes: Sequence[dict[str, Any]]) -> None:
 
 def _summary(file: io.BufferedRandom, size: int, path: Path) -> tuple[bytes, int]:
     """Return the records of the summary, and where they begin."""
-    at = size - len(MAGIC) - _FOOTER.size
+    at = size - FOOT
     file.seek(max(at, 0))
-    foot = file.read()
-    if at < 0 or foot[_FOOTER.size :] != MAGIC:
+    told = foot(file.read())
+    if told is None:
         raise OutputError(f"{path} has no end: is it being written, or was it cut off?")
-    opcode, length, start, offsets, _ = _FOOTER.unpack(foot[: _FOOTER.size])
-    if opcode != Opcode.FOOTER or length != 20 or not _DATA_END < start <= offsets <= at:
-        raise OutputError(f"{path} ends in a way that is not known here: it is left as it is")
-    file.seek(start)
-    return file.read(offsets - start), start
+    if not DATA_END.size < told.summary <= told.offsets <= at:
+        raise _unknown(path)
+    file.seek(told.summary)
+    summary = file.read(told.offsets - told.summary)
+    if whole_until(summary) != len(summary):
+        raise _unknown(path)
+    return summary, told.summary
 
 
-def _ended(summary: bytes, here: int, index: MetadataIndex) -> bytes:
+def _unknown(path: Path) -> OutputError:
+    return OutputError(f"{path} ends in a way that is not known here: it is left as it is")
+
+
+def _with_index(summary: bytes, here: int, index: MetadataIndex) -> bytes:
     """Return a summary with an entry more, for data that end at ``here``, and all behind it."""
     groups: dict[int, list[bytes]] = {}
-    for opcode, record in _records(summary):
+    for opcode, body, end in whole(summary):
+        record = summary[body - HEAD.size : end]
         if opcode == Opcode.STATISTICS:
-            told = Statistics.read(ReadDataStream(io.BytesIO(record[_HEAD.size :])))
+            told = Statistics.read(ReadDataStream(io.BytesIO(summary[body:end])))
             told.metadata_count += 1
             record = as_bytes(told)
         groups.setdefault(opcode, []).append(record)
@@ -102,26 +106,7 @@ def _ended(summary: bytes, here: int, index: MetadataIndex) -> bytes:
         offsets += as_bytes(SummaryOffset(Opcode(opcode), here + len(out), len(part)))
         out += part
     at = here + len(out)
-    head = struct.pack("<BQQQ", Opcode.FOOTER, 20, here, at)
-    crc = zlib.crc32(out + offsets + head)
-    return out + offsets + as_bytes(Footer(here, at, crc)) + MAGIC
-
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield records that stand side by side, with their opcodes."""
-    at = 0
-    while at < len(data):
-        opcode, size = _HEAD.unpack_from(data, at)
-        end = at + _HEAD.size + size
-        yield opcode, data[at:end]
-        at = end
-
-
-def _body(record: bytes, opcode: int, path: Path) -> ReadDataStream:
-    """Return the body of the one record that must be there."""
-    if _HEAD.unpack_from(record) != (opcode, len(record) - _HEAD.size):
-        raise OutputError(f"{path} ends in a way that is not known here: it is left as it is")
-    return ReadDataStream(io.BytesIO(record[_HEAD.size :]))
+    return out + ended(here, at, offsets, zlib.crc32(out))
 
 
 def _parsed(text: str) -> Any:

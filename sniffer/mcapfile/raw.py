@@ -16,7 +16,8 @@ from mcap.opcode import Opcode
 
 from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.orders import RAW_ORDER
-from sniffer.mcapfile.rows import HEAD, RECORD, Blob, Heads, Loose, MessageRows
+from sniffer.mcapfile.rows import Blob, Heads, Loose, MessageRows
+from sniffer.mcapfile.structs import HEAD, MESSAGE
 from sniffer.mcapfile.varints import narrow, varint
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
@@ -115,8 +116,8 @@ def spoken(
             begin, between = _around(c.clock, c.direction)
             when = b"" if t_ns is None else _T + _I64(t_ns)
             body = b"".join((begin, when, between, _U64(offset), _data_of(len(data)), data))
-        size = RECORD.size - HEAD.size + len(body)
-        head = RECORD.pack(Opcode.MESSAGE, size, channel, 0, last_log, last_publish)
+        size = MESSAGE.size - HEAD.size + len(body)
+        head = MESSAGE.pack(Opcode.MESSAGE, size, channel, 0, last_log, last_publish)
         offset += len(data)
         rows.append((last_log, channel, head + body))
         arrived.append((offset, newest, t_ns is not None))

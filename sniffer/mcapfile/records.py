@@ -22,6 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
 from sniffer.mcapfile.packed import UNPACKED, BrokenError, begin_of, chunk_head, unpack
+from sniffer.mcapfile.structs import HEAD, MESSAGE, whole_until
 from sniffer.messages import MAGIC, TOOL
 
 if TYPE_CHECKING:
@@ -39,8 +40,7 @@ TOLD: Final = 1 << 22
 """The same for what is said beside the messages (header, schemas, channels, metadata), which is a
 few kB: parsed it takes ten times as much."""
 
-_HEAD: Final = struct.Struct("<BQ")
-_MESSAGE: Final = 22
+_MESSAGE: Final = MESSAGE.size - HEAD.size
 """What stands in a message record before its data, in bytes, without the record's head."""
 
 _PARSED: Final[dict[int, Any]] = {
@@ -87,8 +87,8 @@ class Piece:
 
     def messages(self, at: I64) -> list[bytes]:
         """Return the data of the messages whose records begin at ``at``."""
-        start = at + _HEAD.size + _MESSAGE
-        end = at + _HEAD.size + _gather(self.data, at, 1, "<i8")
+        start = at + HEAD.size + _MESSAGE
+        end = at + HEAD.size + _gather(self.data, at, 1, "<i8")
         return [self.data[a:b] for a, b in zip(start.tolist(), end.tolist(), strict=True)]
 
 
@@ -155,7 +155,7 @@ class Records:
                 chunk, behind = body, self._taken
                 continue
             if opcode == Opcode.MESSAGE and not self._own:
-                record = _HEAD.pack(opcode, len(body)) + body
+                record = HEAD.pack(opcode, len(body)) + body
                 piece = self._messages("", record, zlib.crc32(record), record, [])
                 self.position = self._taken
                 yield piece
@@ -215,7 +215,7 @@ class Records:
     def _record(self) -> tuple[int, bytes]:
         """Read a record; what nobody wants comes without its body."""
         self._opcode = 0
-        opcode, size = _HEAD.unpack(self._take(_HEAD.size))
+        opcode, size = HEAD.unpack(self._take(HEAD.size))
         self._opcode = opcode
         if not opcode:  # no record has it, but the tail of a file after a power failure
             raise BrokenError("there are zeros where a record should begin")
@@ -239,7 +239,7 @@ class Records:
             size, _, compression, length, packed = chunk_head(body)
             if compression == "zstd" and len(packed) < length:
                 begin = begin_of(packed, min(size, UNPACKED))
-                data = begin[: _whole(begin)]
+                data = begin[: whole_until(begin)]
                 packed = zstandard.ZstdCompressor().compress(data)
                 piece = self._messages("zstd", packed, zlib.crc32(data), data, [])
                 if len(piece.at):
@@ -287,10 +287,10 @@ class Records:
         found: list[int] = []
         while start < until:
             try:
-                opcode, size = _HEAD.unpack_from(data, start)
+                opcode, size = HEAD.unpack_from(data, start)
             except struct.error:
                 raise BrokenError("a chunk ends within a record") from None
-            end = start + _HEAD.size + size
+            end = start + HEAD.size + size
             if end > len(data) or (opcode == Opcode.MESSAGE and size < _MESSAGE):
                 raise BrokenError("a chunk ends within a record")
             if not opcode:
@@ -300,20 +300,9 @@ class Records:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 if size > TOLD:
                     raise BrokenError(f"a record claims to have {size} bytes")
-                self._learn(parse(opcode, data[start + _HEAD.size : end], own=self._own))
+                self._learn(parse(opcode, data[start + HEAD.size : end], own=self._own))
             start = end
         return found, start
-
-
-def _whole(data: bytes) -> int:
-    """Return where the last record ends that is whole."""
-    end = 0
-    while len(data) - end >= _HEAD.size:
-        opcode, size = _HEAD.unpack_from(data, end)
-        if not opcode or size > len(data) - end - _HEAD.size:
-            break
-        end += _HEAD.size + size
-    return end
 
 
 def parse(opcode: int, body: bytes, *, own: bool) -> Any:
@@ -344,11 +333,11 @@ def _likely(data: bytes) -> I64:
     where the one before it ends, as long as such a place is there.
     """
     octets = np.frombuffer(data, np.uint8)
-    at = np.flatnonzero(octets[: max(0, len(data) - _HEAD.size - _MESSAGE + 1)] == Opcode.MESSAGE)
+    at = np.flatnonzero(octets[: max(0, len(data) - HEAD.size - _MESSAGE + 1)] == Opcode.MESSAGE)
     at = at[_gather(data, at, 1, "<u8") < 1 << 16]
     if not len(at):
         return at
-    end = at + _HEAD.size + _gather(data, at, 1, "<i8")
+    end = at + HEAD.size + _gather(data, at, 1, "<i8")
     # Leaving out all places where none ends, again and again, takes a round for each link of a
     # chain within messages, and what is regular has chains of hundreds.
     row = np.searchsorted(at, end)
@@ -363,10 +352,10 @@ def _likely(data: bytes) -> I64:
 
 def _tiles(data: bytes, at: I64) -> bool:
     """Tell whether from the first place on there is nothing but messages at these places."""
-    if not len(at) or at[0] < 0 or at[-1] > len(data) - _HEAD.size - _MESSAGE:
+    if not len(at) or at[0] < 0 or at[-1] > len(data) - HEAD.size - _MESSAGE:
         return False
     size = _gather(data, at, 1, "<i8")
-    end = at + _HEAD.size + size
+    end = at + HEAD.size + size
     return bool(
         (size >= _MESSAGE).all()
         and (size <= len(data)).all()

@@ -17,7 +17,6 @@ each bus begins (``offset.<bus>``). Counts of the second in which the cut falls 
 from __future__ import annotations
 
 import contextlib
-import re
 import time
 from bisect import bisect_right
 from dataclasses import dataclass, field
@@ -25,11 +24,11 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.names import joined
 from sniffer.ground.cutting import behind
-from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import OutputError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.mcapfile.numbered import NumberedFiles
 from sniffer.mcapfile.open import OpenIncidents
 from sniffer.messages import OFFSET, TIME
 
@@ -114,11 +113,9 @@ class RotatingMcap:
         joints: Sequence[RosJoint] | None = None,
         now: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        self._base = path
         self._session = dict(session)
         self._rotate_bytes = rotate_bytes
         self._rotate_ns = rotate_ns
-        self._keep = keep
         self._durable = durable
         self._overwrite = overwrite
         self._flush_ns = flush_ns
@@ -131,8 +128,7 @@ class RotatingMcap:
         self._now = now
         self._buses: dict[str, _Bus] = {}
         self._protocols: dict[str, list[BusProtocol]] = {}
-        self._files: list[tuple[Path, tuple[int, int]]] = []
-        self._deleted: list[Path] = []
+        self._files = NumberedFiles(path, keep)
         self._part = self._finished = self._carried = 0
         self._asked = self._closed = False
         self._began: int | None = None
@@ -143,9 +139,9 @@ class RotatingMcap:
         self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
         if numbered and not overwrite:
-            self._refuse_numbered()
+            self._files.refuse_others()
         self._number = 1
-        self.path = self._numbered(1) if numbered else path
+        self.path = self._files.of(1) if numbered else path
         """The file that is being written."""
         self._sink = self._begin(self.path, {}, {})
 
@@ -163,12 +159,12 @@ class RotatingMcap:
     @property
     def deleted(self) -> tuple[Path, ...]:
         """The files that somebody has deleted while they were written."""
-        return tuple(self._deleted)
+        return self._files.deleted
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files of this recording that are kept, the current one last."""
-        return tuple(path for path, _ in self._files if path not in self._deleted)
+        return self._files.kept
 
     @property
     def remarks(self) -> list[str]:
@@ -178,7 +174,7 @@ class RotatingMcap:
     @property
     def is_lost(self) -> bool:
         """Tell whether the current file is no more under its name."""
-        return is_lost(*self._files[-1])
+        return self._files.is_lost
 
     def rotate(self) -> None:
         """Ask for a new file; a signal handler may do so."""
@@ -224,8 +220,7 @@ class RotatingMcap:
         A bus that is not named counts as decided up to its last byte.
         """
         self._check()
-        if self._sink.is_deleted and self.path not in self._deleted:
-            self._deleted.append(self.path)
+        if self._sink.is_deleted and self._files.lost(self.path):
             self._asked = True  # what comes from now on goes where it can be found
         places = {
             bus: min(max(decided.get(bus, b.end), b.begin), b.end) for bus, b in self._buses.items()
@@ -303,7 +298,7 @@ class RotatingMcap:
             failure = error
         self._finished += self._old.size
         self._old = None
-        self._drop_oldest()
+        self._files.drop_oldest()
         if failure is not None:
             self._fail(failure)
 
@@ -323,8 +318,8 @@ class RotatingMcap:
         from sniffer.mcapfile.sink import McapSink  # the mcap library is loaded when it is needed
 
         facts = {**self._session, "part": str(self._part + 1)}
-        if self._files:
-            facts["previous"] = self._files[-1][0].name
+        if self._files.latest is not None:
+            facts["previous"] = self._files.latest.name
         facts.update((f"protocol.{bus}", joined(p)) for bus, p in self._protocols.items())
         was_there = path.exists()
         try:
@@ -352,7 +347,7 @@ class RotatingMcap:
             raise
         self._carried = sink.size - empty
         self._part += 1
-        self._files.append((path, _identity(path)))
+        self._files.began(path)
         return sink
 
     def _byte_ns(self, bus: str) -> int:
@@ -363,36 +358,11 @@ class RotatingMcap:
             rate = protocols[0].baud
         return 0 if rate is None else byte_time_ns(rate)
 
-    def _numbered(self, number: int) -> Path:
-        return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
-
     def _next_path(self) -> Path:
         self._number += 1
-        while not self._overwrite and self._numbered(self._number).exists():
-            self._number += 1
-        return self._numbered(self._number)
-
-    def _refuse_numbered(self) -> None:
-        """Refuse to mix with the files of another recording."""
-        stem, suffix = re.escape(self._base.stem), re.escape(self._base.suffix)
-        name = re.compile(rf"{stem}-\d{{4,}}{suffix}")
-        with writing(self._base):
-            there = sorted(p for p in self._base.parent.iterdir() if name.fullmatch(p.name))
-        if there:
-            raise OutputError(f"{there[0]} is there already: choose another name")
-
-    def _drop_oldest(self) -> None:
-        """Delete files beyond those to keep; one that cannot be deleted stays."""
-        while self._keep is not None and len(self._files) > max(1, self._keep):
-            path, identity = self._files.pop(0)
-            with contextlib.suppress(OSError):
-                if _identity(path) == identity:
-                    path.unlink()
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    status = path.stat()
-    return status.st_dev, status.st_ino
+        if not self._overwrite:
+            self._number = self._files.free(self._number)
+        return self._files.of(self._number)
 
 
 def _end(placed: Placed) -> int:

@@ -6,7 +6,6 @@ Their log times are written last, when the order in the file is known.
 from __future__ import annotations
 
 import operator
-import struct
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from mcap.opcode import Opcode
 
 from sniffer.mcapfile.cdr import ONE_NUMBER
+from sniffer.mcapfile.structs import HEAD, MESSAGE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,12 +25,6 @@ if TYPE_CHECKING:
 
 U16 = npt.NDArray[np.uint16]
 Void = npt.NDArray[np.void]
-
-RECORD: Final = struct.Struct("<BQHIQQ")
-"""Head of a message record: opcode, length, channel, sequence, log time, publish time."""
-
-HEAD: Final = struct.Struct("<BQ")
-"""Head of any record: opcode, length."""
 
 _FIELDS: Final = [
     ("opcode", "u1"),
@@ -131,10 +125,10 @@ class Loose:
         before = np.zeros(len(bodies), _RECORD)
         before["opcode"] = Opcode.MESSAGE
         before["size"] = np.fromiter(map(len, bodies), np.int64, len(bodies))
-        before["size"] += RECORD.size - HEAD.size
+        before["size"] += MESSAGE.size - HEAD.size
         before["channel"], before["sequence"] = heads.channel, heads.sequence
         before["publish"] = heads.publish
-        begins = before.view(f"V{RECORD.size}").tolist()
+        begins = before.view(f"V{MESSAGE.size}").tolist()
         return cls(list(map(operator.add, begins, bodies)), heads)
 
     @property

@@ -15,7 +15,7 @@ from sniffer.mcapfile.ends import ends
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.records import Piece, Records, parse
 from sniffer.mcapfile.source import BusChannels, raw_chunks
-from sniffer.messages import MAGIC
+from sniffer.mcapfile.structs import DATA_END, FOOT, foot, whole, whole_until
 from sniffer.messages.recording_pb2 import RawChunk
 
 if TYPE_CHECKING:
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Chunk
 
-_HEAD: Final = struct.Struct("<BQ")
-_FOOTER: Final = struct.Struct("<BQQQI8s")
-_DATA_END: Final = struct.Struct("<BQI")
 _INDEX: Final = struct.Struct("<QQQQ")
 """What a chunk index begins with: first and last time, where its chunk begins, how long it is."""
 
@@ -134,20 +131,18 @@ def indexed(path: Path) -> RecordedChunks | None:
     """
     size = path.stat().st_size
     with path.open("rb") as file:
-        if size < len(MAGIC) + _FOOTER.size:
+        at = size - FOOT
+        file.seek(max(at, 0))
+        told = foot(file.read())
+        if told is None or not DATA_END.size < told.summary <= told.offsets <= at:
             return None
-        file.seek(size - _FOOTER.size)
-        opcode, length, start, behind, _, magic = _FOOTER.unpack(file.read())
-        sound = (opcode, length, magic) == (Opcode.FOOTER, 20, MAGIC)
-        if not sound or not _DATA_END.size < start <= behind <= size - _FOOTER.size:
-            return None
-        end = start - _DATA_END.size
+        end = told.summary - DATA_END.size
         file.seek(end)
-        told = file.read(behind - end)
-        opcode, length, crc = _DATA_END.unpack_from(told)
+        index = file.read(told.offsets - end)
+        opcode, length, crc = DATA_END.unpack_from(index)
         if (opcode, length) != (Opcode.DATA_END, 4):
             return None
-        found = _summary(told[_DATA_END.size :], end)
+        found = _summary(index[DATA_END.size :], end)
         if found is None or (crc and _crc(file, end) != crc):
             return None
         return found
@@ -167,14 +162,11 @@ def _summary(data: bytes, end: int) -> RecordedChunks | None:
     sizes: list[int] = []
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}
-    at = 0
-    while at + _HEAD.size <= len(data):
-        opcode, size = _HEAD.unpack_from(data, at)
-        at += _HEAD.size + size
-        if at > len(data):
-            return None
-        body = data[at - size : at]
-        if opcode == Opcode.CHUNK_INDEX and size >= _INDEX.size + 8:
+    if whole_until(data) != len(data):
+        return None
+    for opcode, begin, behind in whole(data):
+        body = data[begin:behind]
+        if opcode == Opcode.CHUNK_INDEX and len(body) >= _INDEX.size + 8:
             begins.append(_INDEX.unpack_from(body)[2])
             sizes.append(int.from_bytes(body[-8:], "little"))
         elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):

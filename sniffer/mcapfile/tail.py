@@ -24,9 +24,9 @@ from sniffer.mcapfile.joints import joints_in
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.ros2 import ANOMALIES, JOINTS, JointPlaces, RosWriter
-from sniffer.mcapfile.rows import RECORD
 from sniffer.mcapfile.source import groups, session
 from sniffer.mcapfile.states import kind_of
+from sniffer.mcapfile.structs import MESSAGE
 from sniffer.messages import BULK, BUS, FLAT, OFFSET, PLOTS, SHOWN, TOPICS
 from sniffer.messages.recording_pb2 import Frame, Gap, Stats, Transaction
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
@@ -224,7 +224,7 @@ class _Rest:
         out = np.ones(len(rows.log), bool)
         columns = (c.tolist() for c in (rows.channel, rows.log, rows.start, rows.end))
         for i, (channel, log, start, end) in enumerate(zip(*columns, strict=True)):
-            message = _message(kinds[channel], rows.data[start + RECORD.size : end])
+            message = _message(kinds[channel], rows.data[start + MESSAGE.size : end])
             offset, until = done[channel]
             is_there = _key(message, rows.data, start) in self._known.get(channel, ())
             place = _place(message)
@@ -269,9 +269,9 @@ def _key(message: Any, records: bytes | memoryview, start: int) -> Hashable:
         case Stats(t_ns=t_ns):
             return int(t_ns)
         case Quantity(value=value):
-            *_, publish = RECORD.unpack_from(records, start)
+            *_, publish = MESSAGE.unpack_from(records, start)
             return (publish, value)
         case bytes():
-            *_, publish = RECORD.unpack_from(records, start)
+            *_, publish = MESSAGE.unpack_from(records, start)
             return (publish, message)
     return bytes(message.SerializeToString(deterministic=True))

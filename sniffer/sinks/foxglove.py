@@ -16,7 +16,7 @@ from sniffer.mcapfile.kinds import MessageType, type_of
 from sniffer.mcapfile.levels import LEVELS
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
-from sniffer.mcapfile.rows import RECORD
+from sniffer.mcapfile.structs import MESSAGE
 from sniffer.messages import FLAT, TOOL
 from sniffer.messages.log_pb2 import Log
 
@@ -127,7 +127,7 @@ class FoxgloveSink:
         for number, log, start, end in zip(*columns, strict=True):
             channel = self._channels[number]
             if channel.has_sinks():
-                channel.log(bytes(rows.data[start + RECORD.size : end]), log_time=log)
+                channel.log(bytes(rows.data[start + MESSAGE.size : end]), log_time=log)
 
     def _open(
         self, topic: str, message: type[Any] | MessageType, metadata: Mapping[str, str]
