@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
+    from sniffer.jobs.split import SplitPiece, split
     from sniffer.jobs.stats import Tallied, stats
     from sniffer.mcapfile.joints import RosJoint
     from sniffer.protocols import PROTOCOLS
@@ -120,6 +121,7 @@ __all__ = [
     "Severity",
     "Shown",
     "SnifferError",
+    "SplitPiece",
     "Stops",
     "Tallied",
     "TransactionRow",
@@ -151,6 +153,7 @@ __all__ = [
     "report",
     "samples_table",
     "scenario_like",
+    "split",
     "stats",
 ]
 
@@ -178,6 +181,7 @@ _ROOMS: Final = {
     "jobs.held": ("HeldRegisters", "registers_held"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
+    "jobs.split": ("SplitPiece", "split"),
     "jobs.stats": ("Tallied", "stats"),
     "jobs.files": ("Files", "Flight"),
     "jobs.record": ("Recorded", "Shown", "record"),

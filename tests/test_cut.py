@@ -187,7 +187,7 @@ def test_a_capture_without_times_is_cut_by_the_pace_of_its_rate(
     ("arguments", "told"),
     [
         (("--from", "3", "--to", "2"), "--to must lie behind --from"),
-        ((), "say which part: --from, --to or both, or --bus"),
+        ((), "say which part: --from, --to or both, --bus, or --split"),
         (("--bus", "leg"), "--bus: there is no bus leg, only bus0"),
         (("--from", "60"), "nothing was said from second 60 to its end: the capture has 8.0"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import click
 
@@ -20,9 +21,25 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
+from sniffer.ground.amounts import time_in
 from sniffer.jobs.cut import cut as cut_out
+from sniffer.jobs.split import split
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
+
+BY_BUS: Final = "bus"
+
+
+def _split_by(
+    context: click.Context, parameter: click.Parameter, given: str | None
+) -> int | str | None:
+    """Read how a capture is split: a time in ns, or by bus."""
+    if given is None or given == BY_BUS:
+        return given
+    ns = time_in(given, bare=True, least=1)
+    if ns is None:
+        raise click.BadParameter(f"{given!r}: write a time such as 10min, or {BY_BUS}")
+    return ns
 
 
 @click.command(
@@ -33,6 +50,8 @@ from sniffer.selection.places import Window
         "sniffer cut run.mcap --from @first-error:servo=3 --around 200ms -o three.mcap",
         "sniffer cut capture.log --to 1.5 -o begin.log",
         "sniffer cut robot.mcap --bus arm -o arm.mcap",
+        "sniffer cut day.mcap --split 1h -o hour.mcap",
+        "sniffer cut robot.mcap --split bus -o limb.mcap",
         "sniffer cut run.mcap --from @first-error --around 2s --anonymise -o shared.mcap",
     ),
 )
@@ -40,6 +59,14 @@ from sniffer.selection.places import Window
 @decoding
 @with_part
 @with_buses
+@click.option(
+    "--split",
+    "split_by",
+    callback=_split_by,
+    metavar="TIME|bus",
+    help="Not one part but all of them side by side: one each 10min, 1h (part-0001.mcap and on), "
+    "or one a bus (part-arm.mcap).",
+)
 @with_outputs("The part")
 @with_anonymise
 @with_force
@@ -50,6 +77,7 @@ def cut(
     input_format: str,
     window: Window | None,
     buses: tuple[str, ...],
+    split_by: int | str | None,
     outputs: tuple[Path, ...],
     anonymise: bool,
     force: bool,
@@ -62,11 +90,28 @@ def cut(
     It is cut between frames and tears no exchange, so it says what the whole says there; it may
     begin and end a little outside of what was asked for. A part has every byte of its buses: those
     of some servos or commands alone are made by `sniffer convert run.mcap three.log --servo 3`.
-    With --bus it has those buses alone.
+    With --bus it has those buses alone. With --split it makes many: no byte is in two of them.
     """
     window = window or Window()
+    if split_by is not None:
+        with patient() as patience:
+            pieces = split(
+                files,
+                outputs,
+                None if isinstance(split_by, str) else split_by,
+                window if window.is_part else None,
+                options,
+                buses=buses,
+                input_format=input_format,
+                anonymise=anonymise,
+                overwrite=force,
+                patience=patience,
+                tell=tell,
+            )
+        tell.talk(wrote([file for piece in pieces for file in piece.files]))
+        return max(status_of(piece.done.ending, is_lost=bool(piece.done.gone)) for piece in pieces)
     if not (window.is_part or buses):
-        raise click.UsageError("say which part: --from, --to or both, or --bus")
+        raise click.UsageError("say which part: --from, --to or both, --bus, or --split")
     with patient() as patience:
         done = cut_out(
             files,

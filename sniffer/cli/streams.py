@@ -7,12 +7,16 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import click
 
 from sniffer.ground.naming import worded
 from sniffer.ground.streams import UNFOLDED, silence, stated_columns
 from sniffer.ground.wording import and_, one_line
+
+NAMED: Final = 6
+"""So many files are named one by one."""
 
 
 def silence_stdout() -> None:
@@ -27,7 +31,9 @@ def say(message: str) -> None:
 
 
 def wrote(files: Sequence[Path]) -> str:
-    """Return what is said of files that are written."""
+    """Return what is said of files that are written; of many in a row the first and the last."""
+    if len(files) > NAMED:
+        return f"wrote {len(files)} files, {files[0]} to {files[-1]}"
     return f"wrote {and_([str(file) for file in files])}"
 
 

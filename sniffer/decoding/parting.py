@@ -141,6 +141,11 @@ class _PartOfBus:
             self.end = int(records.end[len(before) - 1 - int(np.argmax(before[::-1]))])
         self._upper.add(records, self.end, known=not before.any() and self.end is not None)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether what comes from now on changes nothing of where it ends."""
+        return self.end is not None and self.last > self.end + 2 * NEAR
+
     def span(self) -> Span | None:
         """Return what is cut out, None where there is nothing."""
         if self.begin is None or self.end is None or self.begin >= self.end:
@@ -163,17 +168,18 @@ class _PartOfBus:
 class Slicer:
     """A sink that finds what lies between two moments; None is the capture's own edge.
 
-    A record belongs to it that ends there: its last byte is when its content was known. Where
-    ``ends`` is told, it gives them, from what was decoded first.
+    A record belongs to it that ends there: its last byte is when its content was known.
     """
 
-    def __init__(
-        self, ends: Callable[[Sequence[Part]], tuple[int | None, int | None]] | None = None
-    ) -> None:
-        self._ends = ends
+    def __init__(self) -> None:
+        self._ends: Callable[[Sequence[Part]], tuple[int | None, int | None]] | None = None
         self.from_ns: int | None = None
         self.to_ns: int | None = None
         self._buses: dict[str, _PartOfBus] = {}
+
+    def find(self, ends: Callable[[Sequence[Part]], tuple[int | None, int | None]]) -> None:
+        """Take which moments are meant: ``ends`` tells them from what was decoded first."""
+        self._ends = ends
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -188,7 +194,10 @@ class Slicer:
         if self._ends is not None:
             (self.from_ns, self.to_ns), self._ends = self._ends(parts), None
         if len(records.start):
-            self._buses.setdefault(bus, _PartOfBus()).add(records, self.from_ns, self.to_ns)
+            self._add(bus, records)
+
+    def _add(self, bus: str, records: _Records) -> None:
+        self._buses.setdefault(bus, _PartOfBus()).add(records, self.from_ns, self.to_ns)
 
     def close(self) -> None:
         """Do nothing."""
@@ -197,6 +206,58 @@ class Slicer:
         """Return what is cut out of each bus that says anything there."""
         found = {name: bus.span() for name, bus in self._buses.items()}
         return {name: span for name, span in found.items() if span is not None}
+
+
+class Splitter(Slicer):
+    """The same, and where each bus is cut every so many ns from the begin on.
+
+    Pieces of a bus lie side by side: each begins where the one before it ends, and all bytes of the
+    whole are in one. They are known by their numbers, from 0.
+    """
+
+    def __init__(self, every_ns: int) -> None:
+        super().__init__()
+        self._every_ns = every_ns
+        self._base_ns: int | None = None
+        self._cuts: dict[str, dict[int, Span | None]] = {}
+        self._open: dict[str, dict[int, _PartOfBus]] = {}
+
+    def ends_of(self, number: int) -> tuple[int, int]:
+        """Return from when to when a piece goes, but that no exchange is torn."""
+        begin = (self._base_ns or 0) + number * self._every_ns
+        return begin, begin + self._every_ns - 1
+
+    def pieces(self, whole: Mapping[str, Span]) -> dict[int, dict[str, Span]]:
+        """Return the pieces of some spans, by number and bus: those in which anything was said."""
+        out: dict[int, dict[str, Span]] = {}
+        for bus, span in whole.items():
+            begin = span.begin
+            last = {number: part.span() for number, part in self._open[bus].items()}
+            every = sorted({**self._cuts[bus], **last}.items())
+            cuts = [(number, one) for number, one in every if one is not None]
+            for number, found in cuts:
+                # behind its last piece nothing is left of a bus
+                is_last = number == cuts[-1][0] or found.end >= span.end
+                end, next_ns = (span.end, span.next_ns) if is_last else (found.end, found.next_ns)
+                if end > begin:
+                    out.setdefault(number, {})[bus] = Span(begin, end, next_ns)
+                    begin = end
+        return dict(sorted(out.items()))
+
+    def _add(self, bus: str, records: _Records) -> None:
+        super()._add(bus, records)
+        if self._base_ns is None:
+            first = int(records.t_start.min())
+            self._base_ns = first if self.from_ns is None else self.from_ns
+        cuts, pending = self._cuts.setdefault(bus, {}), self._open.setdefault(bus, {})
+        t_ns = np.maximum(records.t_end - self._base_ns, 0)
+        for number in np.unique(t_ns // self._every_ns).tolist():
+            if number not in cuts:
+                pending.setdefault(number, _PartOfBus())
+        for number, part in [*pending.items()]:
+            part.add(records, None, self.ends_of(number)[1])
+            if part.is_over:
+                cuts[number] = pending.pop(number).span()
 
 
 def sliced(

@@ -93,6 +93,16 @@ def is_lost(path: Path, identity: tuple[int, int] | None = None) -> bool:
     return identity is not None and identity != (status.st_dev, status.st_ino)
 
 
+def called(path: Path, apart: str) -> Path:
+    """Return the name of one of several files: what tells it apart stands before the suffix."""
+    return path.with_name(f"{path.stem}-{apart}{path.suffix}")
+
+
+def numbered(path: Path, number: int) -> Path:
+    """Return the name of a file of a row of them: ``run-0001.mcap``."""
+    return called(path, f"{number:04d}")
+
+
 def open_text(path: Path) -> TextIO:
     """Open a text file for writing, UTF-8."""
     with writing(path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import UndecidedError
@@ -113,27 +113,42 @@ def part_of(
     """
     options = options.with_facts(opened.facts(), opened.tables)
     asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
-    part = _found(opened, source, options, asked, tell, buses)
-
-    def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-        heard = merged(opened, groups, options, tell.quieter())
-        yield from sliced(heard, part.spans, part.byte_ns)
-
-    facts = part.facts(opened.facts(), source)
-    return Derived(opened, made, facts, is_mixed=False), part.options
+    return found(opened, source, options, asked, tell, buses).of(opened, source, tell)
 
 
-class _Part:
-    """What is cut out of a capture."""
+@dataclass(frozen=True, slots=True)
+class CutPart:
+    """What is cut out of a capture: ``spans`` by bus, and the times that were asked for, in ns.
 
-    def __init__(self, slicer: Slicer, pipeline: Pipeline, options: Options) -> None:
-        self.spans: Mapping[str, Span] = slicer.spans()
-        bauds = {bus: pipeline.paces[bus].baud for bus in self.spans}
-        self.byte_ns = {bus: byte_time_ns(baud) for bus, baud in bauds.items()}
-        self._ends = slicer.from_ns, slicer.to_ns
-        found = {bus: name for bus in self.spans if (name := pipeline.speaks(bus)) is not None}
+    ``byte_ns`` is how long a byte takes, by bus; ``whole`` is how the capture is decoded,
+    ``options`` how the part is.
+    """
+
+    spans: Mapping[str, Span]
+    ends: tuple[int | None, int | None]
+    byte_ns: Mapping[str, int]
+    whole: Options
+    options: Options
+
+    @classmethod
+    def heard_by(cls, slicer: Slicer, pipeline: Pipeline, options: Options) -> CutPart:
+        """Return what a slicer found in what a pipeline decoded."""
+        spans = slicer.spans()
+        byte_ns = {bus: byte_time_ns(pipeline.paces[bus].baud) for bus in spans}
+        spoken = {bus: name for bus in spans if (name := pipeline.speaks(bus)) is not None}
         # what is left out of the whole, as it was heard at other rates, is not in a part of it
-        self.options = replace(options, protocols={**found, **options.protocols}, begins={})
+        own = replace(options, protocols={**spoken, **options.protocols}, begins={})
+        return cls(spans, (slicer.from_ns, slicer.to_ns), byte_ns, options, own)
+
+    def of(self, opened: Source, source: str, tell: Teller) -> tuple[Derived, Options]:
+        """Return it as a source, and how it is decoded."""
+
+        def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+            heard = merged(opened, groups, self.whole, tell.quieter())
+            yield from sliced(heard, self.spans, self.byte_ns)
+
+        facts = self.facts(opened.facts(), source)
+        return Derived(opened, made, facts, is_mixed=False), self.options
 
     def facts(self, known: Mapping[str, str], source: str) -> dict[str, str]:
         """Return what the part says of itself, from what the whole says: ``cut.`` and so on."""
@@ -141,7 +156,7 @@ class _Part:
         told = {k: v for k, v in known.items() if k.partition(".")[0] != OFFSET}
         told |= {key: "0" for key in known if key.startswith(f"{SINCE}.")}
         told[f"{CUT}.source"] = source if first is None else first
-        for name, end in zip(("from_ns", "to_ns"), self._ends, strict=True):
+        for name, end in zip(("from_ns", "to_ns"), self.ends, strict=True):
             told.pop(f"{CUT}.{name}", None)
             if end is not None:
                 told[f"{CUT}.{name}"] = str(end)
@@ -153,15 +168,18 @@ class _Part:
         return told
 
 
-def _found(
+def found(
     opened: Source,
     source: str,
     options: Options,
     asked: Extract,
     tell: Teller,
     buses: Sequence[str],
-) -> _Part:
+    slicer: Slicer | None = None,
+) -> CutPart:
     """Find where the part begins and ends on each bus; of some ``buses`` alone, if any are named.
+
+    A ``slicer`` may find more than that.
 
     Raises:
         InputError: nothing was said there, or there is no such bus.
@@ -172,7 +190,8 @@ def _found(
         began[0] = first_told_ns(began[0], parts)
         return asked.ends(began[0])
 
-    slicer = Slicer(ends)
+    slicer = slicer or Slicer()
+    slicer.find(ends)
     heard: dict[str, None] = {}
 
     def timed(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
@@ -193,7 +212,7 @@ def _found(
     except UndecidedError as error:
         undecided = error
     wanted = buses_of(source, [*heard], buses) if heard else []
-    part = _Part(slicer, pipeline, options)
+    part = CutPart.heard_by(slicer, pipeline, options)
     if part.spans and undecided is not None:
         lost = and_([bus for bus in wanted if pipeline.speaks(bus) is None])
         tell.warn(Sentence("{lost}: {error}; left out", lost=lost, error=undecided))

@@ -6,7 +6,7 @@ import contextlib
 import re
 from typing import TYPE_CHECKING
 
-from sniffer.ground.files import is_lost, writing
+from sniffer.ground.files import is_lost, numbered, writing
 from sniffer.ground.model import OutputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class NumberedFiles:
 
     def of(self, number: int) -> Path:
         """Return the path with a number."""
-        return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
+        return numbered(self._base, number)
 
     def free(self, number: int) -> int:
         """Return the first number from ``number`` on under which nothing is there."""

@@ -43,8 +43,12 @@ def _places(chunk: Chunk) -> int:
 
 
 def _besides(chunk: Chunk, *, is_coarse_said: bool) -> int:
-    """Return how many marks are left out: how coarse a time is may be said by its digits."""
-    return sum(mark.kind != MarkKind.COARSE or not is_coarse_said for mark in chunk.marks)
+    """Return how many marks are left out: how coarse a time is may be said by its digits.
+
+    That a capture ends there the end of the file says, too.
+    """
+    said = {MarkKind.ENDED, MarkKind.COARSE} if is_coarse_said else {MarkKind.ENDED}
+    return sum(mark.kind not in said for mark in chunk.marks)
 
 
 class RawFile(Protocol):

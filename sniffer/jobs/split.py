@@ -1,0 +1,155 @@
+"""``sniffer.split``: a capture as several that lie side by side, by time or by bus."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.parting import Splitter
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.files import called, files_of, numbered
+from sniffer.ground.model import SnifferError
+from sniffer.jobs.anonymous import anonymous
+from sniffer.jobs.asked import Extract
+from sniffer.jobs.convert import convert_opened
+from sniffer.jobs.cut import found
+from sniffer.jobs.outputs import check_outputs
+from sniffer.jobs.session import Ending, undecided_of
+from sniffer.jobs.telling import Teller
+from sniffer.sources.several import inputs_of, joined, name_of, open_capture
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from sniffer.jobs.convert import Converted
+    from sniffer.jobs.cut import CutPart
+    from sniffer.jobs.session import Patience
+    from sniffer.selection.places import Window
+    from sniffer.sources import Source
+
+MOST: Final = 1000
+"""So many pieces at most: the capture is read once for each of them."""
+
+_ODD: Final = re.compile(r"[^\w.-]+")
+"""What of the name of a bus does not go into that of a file."""
+
+
+@dataclass(frozen=True, slots=True)
+class SplitPiece:
+    """A piece that was written: its files, and how that went."""
+
+    files: tuple[Path, ...]
+    done: Converted
+
+
+def split(
+    source: str | Path | Sequence[str | Path],
+    outputs: Sequence[Path],
+    every_ns: int | None,
+    window: Window | None = None,
+    options: Options | None = None,
+    *,
+    buses: Sequence[str] = (),
+    input_format: str = "auto",
+    anonymise: bool = False,
+    overwrite: bool = False,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> list[SplitPiece]:
+    """Split a capture into pieces, each of which says what the whole says there, as ``cut`` does.
+
+    No byte is in two of them. Those by time are called ``-0001`` and on, by how often ``every_ns``
+    has passed since the begin of the capture, or of the window; where nothing was said there is no
+    piece. Those by bus are called after it.
+
+    Args:
+        source: as for ``cut``.
+        outputs: how the files are called, but for what tells the pieces apart.
+        every_ns: how long a piece is; None: a piece a bus.
+        window: which part of the capture; all of it without.
+        options: how it is decoded: by that it is known where frames begin.
+        buses: only these; all of them where none is named.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        anonymise: as for ``cut``.
+        overwrite: files that are there already are replaced.
+        patience: takes interruptions while it is written; what is left is not begun then.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: the input cannot be read, its protocol cannot be told, the window is empty, or
+            there is no such bus.
+        OutputError: a file cannot be written, before any is, or there; those before are whole.
+        SnifferError: there would be more than 1000 pieces, or as for ``cut``.
+    """
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    inputs = inputs_of(source)
+    with (
+        undecided_of(name_of(inputs), leads=True),
+        open_capture(inputs, input_format, again=True, wiring=options.wired) as opened,
+    ):
+        options = options.with_facts(opened.facts(), opened.tables)
+        pieces = _pieces(opened, joined(inputs), every_ns, window, options, tell, buses)
+        if len(pieces) > MOST:
+            raise SnifferError(f"that makes {len(pieces)} pieces, {MOST} at most: make them longer")
+        names = _names([*pieces], outputs, is_anonymous=anonymise)
+        every = [f for files in names for path in files for f in files_of(path)]
+        check_outputs(every, [*map(str, inputs)], force=overwrite)
+        done = []
+        for files, piece in zip(names, pieces.values(), strict=True):
+            derived, own = piece.of(opened, joined(inputs), tell)
+            if anonymise:
+                derived, own = anonymous(derived, own, tell)
+            converted = convert_opened(
+                derived,
+                joined(inputs),
+                files,
+                own,
+                overwrite=overwrite,
+                patience=patience,
+                tell=tell,
+            )
+            done.append(SplitPiece(tuple(files), converted))
+            if converted.ending == Ending.INTERRUPTED:
+                break
+        return done
+
+
+def _names(
+    pieces: Sequence[int | str], outputs: Sequence[Path], *, is_anonymous: bool
+) -> list[list[Path]]:
+    """Return the files of each piece: after the number of a time, from 0, or the name of a bus."""
+    if is_anonymous:  # as the buses in them are called
+        pieces = [f"bus{n}" if isinstance(one, str) else one for n, one in enumerate(pieces)]
+    return [
+        [
+            called(path, _ODD.sub("_", one)) if isinstance(one, str) else numbered(path, one + 1)
+            for path in outputs
+        ]
+        for one in pieces
+    ]
+
+
+def _pieces(
+    opened: Source,
+    source: str,
+    every_ns: int | None,
+    window: Window | None,
+    options: Options,
+    tell: Teller,
+    buses: Sequence[str],
+) -> dict[int | str, CutPart]:
+    """Return the pieces of a capture by the number of a time, or by the name of a bus."""
+    asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
+    if every_ns is None:
+        whole = found(opened, source, options, asked, tell, buses)
+        return {bus: replace(whole, spans={bus: span}) for bus, span in whole.spans.items()}
+    splitter = Splitter(every_ns)
+    whole = found(opened, source, options, asked, tell, buses, splitter)
+    return {
+        number: replace(whole, spans=spans, ends=splitter.ends_of(number))
+        for number, spans in splitter.pieces(whole.spans).items()
+    }
