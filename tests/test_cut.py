@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import sniffer
 from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.parting import Slicer, Span, sliced
+from sniffer.decoding.parting import Slicer
+from sniffer.decoding.spans import Span, sliced
 from sniffer.ground.model import Batch, Chunk, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.source import session

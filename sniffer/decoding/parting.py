@@ -8,18 +8,17 @@ records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.spans import Span
 from sniffer.ground.codes import OUTCOMES
-from sniffer.ground.cutting import cut
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import Mark, MarkKind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import I64, Batch, Chunk, Mask
@@ -29,17 +28,6 @@ NEAR: Final = 4096
 """How far a clear place is looked for, in bytes: as far as the decoder looks for one."""
 
 _DAMAGED: Final = OUTCOMES.index("damaged")
-
-
-class Span(NamedTuple):
-    """A part of a bus: offsets of its first byte and behind its last one.
-
-    ``next_ns`` is when the next byte was on the wire, None where there is none.
-    """
-
-    begin: int
-    end: int
-    next_ns: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,53 +246,3 @@ class Splitter(Slicer):
             part.add(records, None, self.ends_of(number)[1])
             if part.is_over:
                 cuts[number] = pending.pop(number).span()
-
-
-def sliced(
-    groups: Iterable[Sequence[Chunk]], spans: Mapping[str, Span], byte_ns: Mapping[str, int]
-) -> Iterator[list[Chunk]]:
-    """Yield the chunks of some spans, those at the edges cut; behind them, that they end.
-
-    ``byte_ns`` is how long a byte takes, by bus: it dates the end of a chunk that is cut.
-    """
-    at = dict.fromkeys(spans, 0)
-    last: dict[str, Chunk] = {}
-    for group in groups:
-        out = []
-        for chunk in group:
-            span = spans.get(chunk.bus)
-            if span is None:
-                continue
-            start, end = at[chunk.bus], at[chunk.bus] + len(chunk.data)
-            at[chunk.bus] = end
-            piece = _within(chunk, start, span, byte_ns[chunk.bus])
-            if piece is not None:
-                out.append(piece)
-                last[chunk.bus] = piece
-        if out:
-            yield out
-        if all(at[bus] > span.end for bus, span in spans.items()):
-            break
-    ended = (Mark(MarkKind.ENDED, 0, count=0),)
-    # nothing else was said until then: who had time enough to answer is silent, not cut
-    over = [
-        replace(chunk, data=b"", t_ns=max(told, chunk.t_ns), marks=ended)
-        for bus, chunk in last.items()
-        if (told := spans[bus].next_ns) is not None and chunk.t_ns is not None
-    ]
-    if over:
-        yield over
-
-
-def _within(chunk: Chunk, start: int, span: Span, byte_ns: int) -> Chunk | None:
-    """Return what of a chunk lies in a span, None where nothing does."""
-    end = start + len(chunk.data)
-    if not chunk.data:
-        return chunk if span.begin < start <= span.end else None
-    low, high = max(start, span.begin), min(end, span.end)
-    if low >= high:
-        return None
-    if high < end:
-        t_ns = None if chunk.t_ns is None else chunk.t_ns - (end - high) * byte_ns
-        chunk = cut(chunk, high - start, t_ns)[0]
-    return cut(chunk, low - start, None)[1] if low > start else chunk

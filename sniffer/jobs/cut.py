@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import SINCE
-from sniffer.decoding.parting import Slicer, sliced
+from sniffer.decoding.parting import Slicer
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.slicing import first_told_ns
+from sniffer.decoding.spans import sliced
 from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from sniffer.decoding.parting import Span
     from sniffer.decoding.sink import Part
+    from sniffer.decoding.spans import Span
     from sniffer.ground.model import Chunk
     from sniffer.jobs.session import Patience
     from sniffer.selection.places import Window
@@ -140,12 +141,21 @@ class CutPart:
         own = replace(options, protocols={**spoken, **options.protocols}, begins={})
         return cls(spans, (slicer.from_ns, slicer.to_ns), byte_ns, options, own)
 
-    def of(self, opened: Source, source: str, tell: Teller) -> tuple[Derived, Options]:
-        """Return it as a source, and how it is decoded."""
+    def of(
+        self,
+        opened: Source,
+        source: str,
+        tell: Teller,
+        once: Iterator[list[Chunk]] | None = None,
+    ) -> tuple[Derived, Options]:
+        """Return it as a source, and how it is decoded; ``once``: its chunks, if they are read."""
 
         def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-            heard = merged(opened, groups, self.whole, tell.quieter())
-            yield from sliced(heard, self.spans, self.byte_ns)
+            if once is not None:
+                return once
+            return sliced(
+                merged(opened, groups, self.whole, tell.quieter()), self.spans, self.byte_ns
+            )
 
         facts = self.facts(opened.facts(), source)
         return Derived(opened, made, facts, is_mixed=False), self.options

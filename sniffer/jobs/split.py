@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.parting import Splitter
 from sniffer.decoding.pipeline import Options
+from sniffer.decoding.spans import PieceRow
 from sniffer.ground.files import called, files_of, numbered
 from sniffer.ground.model import SnifferError
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import convert_opened
 from sniffer.jobs.cut import found
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import check_outputs
 from sniffer.jobs.session import Ending, undecided_of
 from sniffer.jobs.telling import Teller
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from sniffer.sources import Source
 
 MOST: Final = 1000
-"""So many pieces at most: the capture is read once for each of them."""
+"""So many pieces at most: nobody looks at more files."""
 
 _ODD: Final = re.compile(r"[^\w.-]+")
 """What of the name of a bus does not go into that of a file."""
@@ -98,9 +100,13 @@ def split(
         names = _names([*pieces], outputs, is_anonymous=anonymise)
         every = [f for files in names for path in files for f in files_of(path)]
         check_outputs(every, [*map(str, inputs)], force=overwrite)
+        row = None
+        if every_ns is not None and not anonymise:  # who looks for serial numbers reads it twice
+            row = _row(opened, [*pieces.values()], tell)
         done = []
-        for files, piece in zip(names, pieces.values(), strict=True):
-            derived, own = piece.of(opened, joined(inputs), tell)
+        for nth, (files, piece) in enumerate(zip(names, pieces.values(), strict=True)):
+            once = None if row is None else row.piece(nth)
+            derived, own = piece.of(opened, joined(inputs), tell, once)
             if anonymise:
                 derived, own = anonymous(derived, own, tell)
             converted = convert_opened(
@@ -116,6 +122,12 @@ def split(
             if converted.ending == Ending.INTERRUPTED:
                 break
         return done
+
+
+def _row(opened: Source, pieces: Sequence[CutPart], tell: Teller) -> PieceRow:
+    """Return pieces that follow each other, read in one go."""
+    heard = merged(opened, opened, pieces[0].whole, tell.quieter())
+    return PieceRow(heard, [piece.spans for piece in pieces], pieces[0].byte_ns)
 
 
 def _names(
