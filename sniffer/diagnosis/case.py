@@ -244,8 +244,11 @@ class Case:
 
     @functools.cached_property
     def servos(self) -> tuple[int, ...]:
-        """Single servos that were asked or heard, in order."""
-        met = np.unique(self.traffic["servo_id"])
+        """Single servos that were asked, told a value or heard, in order.
+
+        Not an id that only leads packets which name servos inside, as 0 of an RS30x does.
+        """
+        met = np.unique([*self.answers["servo_id"], *self._values["servo_id"]])
         return tuple(i for i in met.tolist() if i >= 0 and i not in self.everyone)
 
     @functools.cached_property

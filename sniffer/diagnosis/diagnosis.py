@@ -14,6 +14,7 @@ from sniffer.diagnosis.ledger import Ledger
 from sniffer.diagnosis.rest import rest_of
 from sniffer.diagnosis.shared import shared
 from sniffer.ground.model import NS, Clock
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +135,8 @@ class Diagnosis:
         cases = self.cases()
         until_ns = max((_heard_until_ns(case) for case in cases if case.has_clock), default=0)
         for judged, case in zip(self.judged(), cases, strict=True):
-            servos = len(judged["servo_ids"])
+            in_vain = len(_asked_in_vain(case))
+            servos = len(judged["servo_ids"]) - in_vain
             good_ns = judged["latency_ns"] or 0
             unsure_ns = case.ledger.exchanges.unsure_ns
             good_ns = unsure_ns if unsure_ns > good_ns + TELLING_NS else good_ns
@@ -145,12 +147,20 @@ class Diagnosis:
                 else "without a clock, so nothing was judged by time: "
                 "seconds count bytes, no pauses"
             )
-            plural = "" if servos == 1 else "s"
+            told = counted(servos, "servo")
+            if in_vain:
+                told += f" ({counted(in_vain, 'id')} asked in vain)"
             parts.append(
                 f"{judged['bus']}: {judged['frames']} {judged['protocol']} frames of "
-                f"{servos} servo{plural} {over}{_then_nothing(case, until_ns)}"
+                f"{told} {over}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
+
+
+def _asked_in_vain(case: Case) -> list[int]:
+    """Return the ids that were asked for answers and never gave one, where others did."""
+    silent = [i for i in case.servos if i not in case.answering and case.total("missing", i)]
+    return silent if case.answering else []
 
 
 def _then_nothing(case: Case, until_ns: int) -> str:
