@@ -201,6 +201,15 @@ def test_where_nothing_can_be_said_of_one_bus_the_others_are_judged_and_it_is_na
     assert [i["causes"][0]["cause"] for i in found["incidents"]] == ["servo-dead"]
     assert [j["bus"] for j in found["judged"]] == ["arm"]
     assert "cannot tell the protocol of these 5 bytes on leg" in done.err
+    assert "--protocol" in done.err, "as the option is called"
+    out, rules = tmp_path / "a.md", tmp_path / "rules.toml"
+    rules.write_text("[[rule]]\nwhat = 'incidents'\nat_most = 0\n", encoding="utf-8")
+    reported = within(capsys, "report", path, "-o", out)
+    checked = within(capsys, "check", path, "--rules", rules)
+    assert (reported.status, checked.status) == (0, 1)
+    for again in (reported, checked):
+        assert "cannot tell the protocol of these 5 bytes on leg" in again.err
+    assert "stopped answering (servo 2)" in out.read_text("utf-8")
 
 
 @pytest.mark.parametrize(

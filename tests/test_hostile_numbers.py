@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -12,7 +13,7 @@ import pytest
 from mcap.opcode import Opcode
 
 from tests import hostile
-from tests.commands import conserved
+from tests.commands import conserved, within
 from tests.hostile import ANSWER, ASK, PAIR, Answer, Victim, decoded, frame, sound
 from tests.recordings import START_NS
 
@@ -273,3 +274,31 @@ def test_other_commands_take_odd_numbers_as_calmly(
     answer = victim.run(command, *what.get(command, []), *options)
     sound(Answer(answer.status, "", answer.err, answer.memory))
     assert len(answer.err) < 5000
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("decode", "--summary"),
+        ("stats",),
+        ("diagnose",),
+        ("query", "SELECT max(value) FROM samples"),
+    ],
+)
+def test_a_number_of_many_digits_is_measured_and_no_warning_of_a_library_is_shown(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A torn answer in text may have any: it was told as less than nothing, in one of them."""
+    path = tmp_path / "a.log"
+    lines = []
+    for n in range(80):
+        place = "9" * 17 if n == 40 else str(10 * n)
+        lines.append(f"({n}.000) bus0 #{b'#5QD'.hex()}0D\n({n}.002) bus0 #{b'*5QD'.hex()}")
+        lines.append(f"{place.encode().hex()}0D\n")
+    path.write_text("".join(lines))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        name, *options = command
+        ran = within(capsys, name, *options, path, "--protocol", "lss")
+    assert ran.status == 0, ran.err
+    assert "-9" not in ran.out

@@ -15,6 +15,7 @@ from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.mcapfile.source import session
 from sniffer.merging.aligning import aligned
+from sniffer.messages import ANCHOR
 from sniffer.sinks.raw import LogFile
 from tests.commands import log, talk, within
 from tests.inputs import chunks
@@ -174,6 +175,24 @@ def test_files_of_one_recording_are_one_bus_again(tmp_path: Path, capsys: Capsys
     out = tmp_path / "x.mcap"
     assert within(capsys, "merge", *parts, "-o", out).status == 0
     assert chunks(out) == TALK
+
+
+def test_files_of_two_recorders_are_no_one_bus_though_one_of_them_goes_on_with_another(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """Of two robots: a bus of both protocols, two thirds of whose bytes were in frames."""
+    from sniffer.mcapfile.sink import McapSink
+
+    parts = []
+    for nth, start in enumerate((0, 700)):
+        facts = dict(zip(ANCHOR, (str(nth), str(nth)), strict=True))
+        sink = McapSink(tmp_path / f"run.{nth}.mcap", facts, starts={"bus0": start})
+        sink.raw("bus0", moved(TALK[:40], nth * 10**10))
+        sink.close()
+        parts.append(tmp_path / f"run.{nth}.mcap")
+    out = tmp_path / "x.log"
+    assert within(capsys, "merge", *parts, "-o", out).status == 0
+    assert {c.bus for c in chunks(out)} == {"run", "run_"}
 
 
 def test_pieces_of_a_log_are_one_bus_where_they_are_one_capture(

@@ -62,6 +62,7 @@ def test_the_recordings_of_parts_are_one_recording(tmp_path: Path, capsys: Capsy
     [
         ("copy.log", "begins before the one in front of it has ended: " + ONE_BY_ONE),
         ("part0.log", "part0.log is named twice"),
+        ("./../{folder}/part0.log", "/part0.log are one file"),
         ("nix.log", "nix.log: there is no such file"),
     ],
 )
@@ -70,7 +71,8 @@ def test_what_is_no_row_of_inputs_is_told_in_one_line(
 ) -> None:
     first, _ = parts(tmp_path, (700,))
     (tmp_path / "copy.log").write_text(first.read_text())
-    ran = within(capsys, "decode", first, tmp_path / name, "--quiet")
+    named = f"{tmp_path}/{name.format(folder=tmp_path.name)}"
+    ran = within(capsys, "decode", first, named, "--quiet")
     assert ran.status == 2
     assert ran.err.splitlines()[-1].endswith(complaint)
 

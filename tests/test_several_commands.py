@@ -55,6 +55,22 @@ def test_what_is_cut_out_of_parts_is_what_is_cut_out_of_the_whole(
     assert several.read_text() == whole.read_text() != ""
 
 
+@pytest.mark.parametrize(
+    "command",
+    [("cut", "--from", "0.2"), ("replay", "--speed", "0", "--to", "pty", "--as", "controller")],
+)
+def test_none_of_several_inputs_is_written_over(
+    command: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    """It was looked whether the output is called as all of them together are."""
+    pieces = parts(tmp_path, (333, 900))
+    last = pieces[-1].read_bytes()
+    name, *options = command
+    ran = within(capsys, name, *pieces, *options, "-o", pieces[-1], "--force")
+    assert ran.complaint == f"{pieces[-1]} is the input: choose another output"
+    assert pieces[-1].read_bytes() == last
+
+
 def test_the_bytes_of_parts_are_copied_beside_what_is_decoded(
     tmp_path: Path, capsys: Capsys
 ) -> None:

@@ -82,6 +82,14 @@ def test_pieces_by_bus_are_called_after_it(robot: Path, tmp_path: Path, capsys: 
     assert len(hexed(arm)) * 2 == len(hexed(robot))
 
 
+def test_buses_whose_names_make_one_name_of_a_file_have_files_of_their_own(
+    robot: Path, tmp_path: Path
+) -> None:
+    robot.write_text(robot.read_text().replace(" arm ", " l:eg "))
+    done = sniffer.split(robot, [tmp_path / "x.log"], None)
+    assert [piece.files[0].name for piece in done] == ["x-l_eg.log", "x-l_eg_.log"]
+
+
 def test_pieces_that_are_handed_on_do_not_name_the_bus(robot: Path, tmp_path: Path) -> None:
     done = sniffer.split(robot, [tmp_path / "x.log"], None, anonymise=True)
     assert [piece.files[0].name for piece in done] == ["x-bus0.log", "x-bus1.log"]

@@ -14,7 +14,7 @@ from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
-from sniffer.diagnosis.steps import MILLI
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS

@@ -29,7 +29,7 @@ from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
-from sniffer.diagnosis.steps import MILLI, Steps
+from sniffer.diagnosis.steps import Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.ground.codes import (
@@ -44,6 +44,7 @@ from sniffer.ground.codes import (
     WHOLE,
 )
 from sniffer.ground.gaps import Gaps
+from sniffer.ground.milli import in_milli
 from sniffer.ground.model import ECHO, Clock
 from sniffer.ground.timing import byte_time_ns
 
@@ -300,7 +301,7 @@ class Ledger:
         self.events.add(self.settings.changes(batch))
         if not len(mine):
             return
-        milli = np.rint(value[mine] * MILLI).astype(np.int64)
+        milli = in_milli(value[mine])
         register = v.register[mine].astype(np.int64)
         who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
         t_ns = v.t_ns[mine]

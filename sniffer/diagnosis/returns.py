@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.buckets import in_groups
-from sniffer.diagnosis.steps import MILLI, SPEED
+from sniffer.diagnosis.steps import SPEED
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:

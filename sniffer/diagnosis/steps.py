@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 WATCHED: Final = frozenset({"position", "temperature", "goal_position"})
 """Quantities that cannot step as they like, and goals: a path of them has small steps."""
 
-MILLI: Final = 1000
-"""Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
-
 SPEED: Final = {"deg": 500.0, "mm": 400 / 3}
 """What no servo with positions in such units exceeds in a second, without load: the fastest ones
 take 0.11 s for 60 degrees, or go 112 mm/s."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.diagnosis.steps import MILLI
+from sniffer.ground.milli import MILLI
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

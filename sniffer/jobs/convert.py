@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
-from sniffer.ground.files import TABLES, files_of
+from sniffer.ground.files import TABLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
-from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
+from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.opening import STDIN
@@ -106,8 +106,6 @@ def convert(
             tell.talk(_without_rows(path, lacking, selection.tables))
     inputs = inputs_of(source)
     again = anonymise or (asked is not None and asked.seeks)
-    if len(inputs) > 1:
-        check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
     opened = open_capture(inputs, input_format, again=again, wiring=options.wired)
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
@@ -117,7 +115,7 @@ def convert(
     with undecided_of(name_of(inputs), leads=True) if len(inputs) > 1 else contextlib.nullcontext():
         return convert_opened(
             opened,
-            joined(inputs),
+            inputs,
             outputs,
             options,
             overwrite=overwrite,
@@ -133,7 +131,7 @@ def convert(
 
 def convert_opened(
     opened: Source,
-    source: str,
+    inputs: Sequence[str | Path],
     outputs: Sequence[Path],
     options: Options,
     *,
@@ -142,24 +140,23 @@ def convert_opened(
     asked: Extract | None = None,
     wide: Wide | None = None,
     contents: Contents | None = None,
-    others: Sequence[str] = (),
     jobs: int = 1,
     patience: Patience | None,
     tell: Teller,
 ) -> Converted:
     """Make files of a source that is open already; else as ``convert``.
 
-    ``others`` are further files that it is read from.
+    ``inputs`` are the files that it is read from: none of them is an output.
     """
     facts = opened.facts()
     options = options.with_facts(facts, opened.tables)
     if asked is not None:
         asked = asked.sought_in(opened, options)
-    told = session_facts(opened.origin(source), options, facts)
+    told = session_facts(opened.origin(joined(inputs)), options, facts)
     decoded, raw = open_all(
-        outputs, told, [source, *others], force=overwrite, wide=wide, contents=contents
+        outputs, told, [*map(str, inputs)], force=overwrite, wide=wide, contents=contents
     )
-    name = name_of(source)
+    name = name_of(inputs)
     every = [*decoded, *sinks]
     if raw and asked is not None and asked.selection is not None:
         every += _selected(raw, outputs, asked.selection, tell)

@@ -90,7 +90,7 @@ def cut(
             derived, options = anonymous(derived, options, tell)
         return convert_opened(
             derived,
-            joined(inputs),
+            inputs,
             outputs,
             options,
             overwrite=overwrite,

@@ -106,7 +106,7 @@ def diagnose(
                 raise
             diagnosis = others  # those whose protocol is known are judged all the same
             if tell is not None:
-                tell.warn(str(error))
+                tell.warn(error.args[0])
     incidents = diagnosis.incidents()
     return Diagnosed(
         incidents,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.detect import UndecidedError
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.asked import Extract
-from sniffer.jobs.likely import as_likely, is_explained
+from sniffer.jobs.likely import as_likely, is_explained, without_undecided
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.statistics.collector import Collector
 
@@ -47,14 +47,15 @@ def hear(
 ) -> HeardCapture:
     """Decode a source, or a part of it, and keep what reports and checks ask for.
 
-    The source may be read twice: beside buses whose protocol is known those are judged, too, of
-    which it cannot be told because something is wrong with them.
+    The source may be read again: beside buses whose protocol is known those are judged, too, of
+    which it cannot be told because something is wrong with them. Where nothing tells what that is
+    they are left out, and it is said.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
     """
 
-    def heard(options: Options, diagnosis: Diagnosis) -> HeardCapture:
+    def heard(opened: Source, options: Options, diagnosis: Diagnosis) -> HeardCapture:
         collector, damage = Collector(), list[str]()
         asked = Extract.of(None, window)
         if asked is not None:
@@ -74,11 +75,14 @@ def hear(
 
     diagnosis = Diagnosis()
     try:
-        return heard(options, diagnosis)
+        return heard(opened, options, diagnosis)
     except UndecidedError as error:
         if not diagnosis.spoken():
             raise
-        again = heard(as_likely(error, diagnosis, options), Diagnosis())
-        if not is_explained(error, again.diagnosis):
+        again = heard(opened, as_likely(error, diagnosis, options), Diagnosis())
+        if is_explained(error, again.diagnosis):
+            return again
+        if not error.likely_of:
             raise
-        return again
+        tell.warn(error.args[0])
+        return heard(without_undecided(opened, error), options, Diagnosis())

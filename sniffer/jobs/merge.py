@@ -24,7 +24,7 @@ from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.merging.aligning import MOST, aligned
 from sniffer.merging.merger import Merger
-from sniffer.messages import OFFSET
+from sniffer.messages import ANCHOR, OFFSET
 from sniffer.sources import open_source
 from sniffer.sources.several import refuse_twice
 
@@ -163,11 +163,10 @@ def merge(
             derived, both = anonymous(derived, both, tell)
         return convert_opened(
             derived,
-            inputs[0].path,
+            [one.path for one in inputs],
             outputs,
             both,
             overwrite=overwrite,
-            others=[one.path for one in inputs[1:]],
             patience=patience,
             tell=tell,
         )
@@ -275,6 +274,8 @@ def _name(inputs: Sequence[_Input], *, pair: bool, together: bool) -> None:
 def _continues(later: _Input, earlier: _Input, bus: str) -> bool:
     """Tell whether a file goes on where another one of its recording ended."""
     is_next = later.facts.get(f"{OFFSET}.{bus}", "0") != "0"
+    if any(later.facts.get(key) != earlier.facts.get(key) for key in ANCHOR):
+        return False  # of another recorder, which had begun anew
     return is_next and later.buses[bus][0] >= earlier.buses[bus][0]
 
 

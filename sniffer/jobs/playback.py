@@ -166,7 +166,7 @@ def play_back(
         stop = stop or stack.enter_context(contextlib.closing(Stop()))
         heard = Derived(opened, functools.partial(_until, stop), opened.facts())
         stack.enter_context(Promptly())
-        stage = _Stage(heard, joined(inputs), options, tuple(buses), ports, stop, tell)
+        stage = _Stage(heard, tuple(inputs), options, tuple(buses), ports, stop, tell)
         try:
             if role == PlayedRole.LINE:
                 return _line(stage, speed, loop=loop)
@@ -183,12 +183,17 @@ class _Stage(NamedTuple):
     """What is played, where, and who is told."""
 
     opened: Source
-    source: str
+    inputs: tuple[str | Path, ...]
     options: Options
     buses: tuple[str, ...]
     ports: PlayedPorts
     stop: Stop
     tell: Teller
+
+    @property
+    def source(self) -> str:
+        """The inputs, as they were named."""
+        return joined(self.inputs)
 
     def merged(self, tell: Teller) -> Iterable[Sequence[Chunk]]:
         """Return all groups of chunks, in order."""
@@ -343,7 +348,7 @@ def _controller(
     baud, protocol = sink.bauds[bus], sink.protocols[bus]
     options = replace(stage.options, protocols={bus: protocol}, bauds={}, baud=baud)
     facts = session_facts(stage.source, options)
-    decoded, raw = open_all(outputs, facts, [stage.source], force=overwrite)
+    decoded, raw = open_all(outputs, facts, [*map(str, stage.inputs)], force=overwrite)
     copies = Copies(raw)
     pipeline = Pipeline(options, [now, *decoded])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
@@ -22,7 +23,7 @@ from sniffer.jobs.telling import Teller
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from sniffer.jobs.convert import Converted
@@ -111,7 +112,7 @@ def split(
                 derived, own = anonymous(derived, own, tell)
             converted = convert_opened(
                 derived,
-                joined(inputs),
+                inputs,
                 files,
                 own,
                 overwrite=overwrite,
@@ -134,15 +135,19 @@ def _names(
     pieces: Sequence[int | str], outputs: Sequence[Path], *, is_anonymous: bool
 ) -> list[list[Path]]:
     """Return the files of each piece: after the number of a time, from 0, or the name of a bus."""
-    if is_anonymous:  # as the buses in them are called
-        pieces = [f"bus{n}" if isinstance(one, str) else one for n, one in enumerate(pieces)]
-    return [
-        [
-            called(path, _ODD.sub("_", one)) if isinstance(one, str) else numbered(path, one + 1)
-            for path in outputs
-        ]
-        for one in pieces
-    ]
+    names: list[Callable[[Path], Path]] = []
+    taken: set[str] = set()
+    for nth, piece in enumerate(pieces):
+        if isinstance(piece, int):
+            names.append(functools.partial(numbered, number=piece + 1))
+            continue
+        # as the buses in it are called
+        name = f"bus{nth}" if is_anonymous else _ODD.sub("_", piece)
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        names.append(functools.partial(called, apart=name))
+    return [[name(path) for path in outputs] for name in names]
 
 
 def _pieces(

@@ -66,7 +66,7 @@ def view(
             path = Path(folder) / f"{Path(inputs[0]).stem or 'stdin'}.rrd"
             done = convert_opened(
                 opened,
-                joined(inputs),
+                inputs,
                 [path],
                 options,
                 overwrite=True,

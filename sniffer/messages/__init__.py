@@ -22,6 +22,9 @@ BUS: Final = "servo_sniffer.bus"
 OFFSET: Final = "offset"
 """Facts ``<OFFSET>.<bus>`` of a session: where in the stream a file begins that goes on with it."""
 
+ANCHOR: Final = ("clock_wall_ns", "clock_monotonic_ns")
+"""Facts of a session: two clocks when the recorder began, which all of its files have."""
+
 END: Final = "servo_sniffer.end"
 """Metadata record behind all messages of a file that another one goes on with: ``<OFFSET>.<bus>``
 is where it ends, ``<TIME>.<bus>`` when the byte before that was on the wire, where that lies within

@@ -1,16 +1,18 @@
 """Rules held against a capture. A rule passes, fails, or cannot be decided; each has its figure.
 
-A figure that is known within bounds passes if all of them hold the rule, fails if none does, and
-else decides nothing. Nor does what was never heard: a rule on a supply that nobody asked for is no
-rule that holds.
+A figure that is known within bounds passes if both keep the rule, fails if neither keeps one of its
+limits, and else decides nothing. Nor does what was never heard: a rule on a supply that nobody
+asked for is no rule that holds.
 """
 
 from __future__ import annotations
 
 import enum
 import math
+import operator
 from collections import Counter
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.catalogue import CATALOGUE
@@ -94,19 +96,21 @@ def tally(verdicts: Sequence[Judged]) -> str:
     return f"{counted(len(verdicts), 'rule')}: {told}"
 
 
+_KEEPS: Final[Mapping[str, Callable[[float, float], bool]]] = MappingProxyType(
+    {"below": operator.lt, "at_most": operator.le, "above": operator.gt, "at_least": operator.ge}
+)
+"""Whether a value keeps a bound, by the word for it."""
+
+
 def _verdict(rule: r.Rule, figure: Figure) -> Decision:
-    holds = [_holds(rule, value) for value in (figure.low, figure.high)]
-    return Decision.PASSED if all(holds) else Decision.UNDECIDED if any(holds) else Decision.FAILED
-
-
-def _holds(rule: r.Rule, value: float) -> bool:
-    tests: Mapping[str, Callable[[float], bool]] = {
-        "below": lambda bound: value < bound,
-        "at_most": lambda bound: value <= bound,
-        "above": lambda bound: value > bound,
-        "at_least": lambda bound: value >= bound,
-    }
-    return all(tests[name](bound) for name, bound in rule.bounds.items())
+    """Return what a figure between two values tells: failed is what breaks a bound at both ends."""
+    kept = [
+        [_KEEPS[name](value, bound) for value in (figure.low, figure.high)]
+        for name, bound in rule.bounds.items()
+    ]
+    if all(map(all, kept)):
+        return Decision.PASSED
+    return Decision.UNDECIDED if all(map(any, kept)) else Decision.FAILED
 
 
 def _distance(rule: r.Rule, figure: Figure) -> float:
@@ -177,7 +181,8 @@ def _anomalies(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
                 if CATALOGUE[code].severity < rule.least or (rule.named and code not in rule.named):
                     continue
                 blamed = part.by_servo.get(code, Counter())
-                mine = sum(blamed[servo] for servo in rule.servos) if rule.servos else n
+                others = blamed.total() - sum(blamed[servo] for servo in rule.servos)
+                mine = n - others if rule.servos else n  # what is nobody's counts for all
                 found[code] = found.get(code, 0) + mine
     total = sum(found.values())
     named = ", ".join(f"{n} {code}" for code, n in sorted(found.items()) if n)

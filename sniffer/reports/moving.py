@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 from sniffer.decoding.durations import FIGURES
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import MS, Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import words
 from sniffer.reports.subject import Figure, name_of, servos_of
-from sniffer.statistics.motion import MILLI
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter, deque
+from collections import deque
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import TIME_LEAST_NS
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources import open_source
+from sniffer.sources.opening import STDIN
 from sniffer.sources.source import Source
 
 if TYPE_CHECKING:
@@ -200,10 +201,27 @@ def open_sources(
 
 
 def refuse_twice(paths: Sequence[str | Path]) -> None:
-    """Raise an InputError where an input is named twice."""
-    for name, times in Counter(map(str, paths)).items():
-        if times > 1:
-            raise InputError(f"{name} is named twice")
+    """Raise an InputError where an input is named twice, under whatever names."""
+    met: dict[tuple[int, int] | str, str | Path] = {}
+    for path in paths:
+        key = _identity(path)
+        if key in met:
+            one, other = str(met[key]), str(path)
+            raise InputError(
+                f"{one} is named twice" if one == other else f"{one} and {other} are one file"
+            )
+        met[key] = path
+
+
+def _identity(path: str | Path) -> tuple[int, int] | str:
+    """Return by what a file is told from others; what cannot be looked at is told by its name."""
+    if path == STDIN:
+        return str(path)
+    try:
+        status = Path(path).stat()
+    except (OSError, ValueError):
+        return str(path)
+    return status.st_dev, status.st_ino
 
 
 class BusOwners:

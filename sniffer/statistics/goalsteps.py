@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.durations import Quantiles
+from sniffer.ground.milli import in_milli
 from sniffer.ground.register import unseen_scale
 from sniffer.statistics.figures import POSITION, Extreme
 from sniffer.statistics.lags import LONGEST_NS
@@ -243,7 +244,7 @@ class GoalSteps:
         high = t_ns[rows[since[settled]]] - t_ns[began] + spread[began]
         _add_between(mine, low, high, course.spread[began] >= 0)
         percent = 100 * np.maximum.reduceat(past, starts) / np.abs(travel[real])
-        mine.overshoot.add(_milli(percent[settled]), np.zeros(int(settled.sum()), np.int64))
+        mine.overshoot.add(in_milli(percent[settled]), np.zeros(int(settled.sum()), np.int64))
         worst = int(np.where(settled, percent, -1.0).argmax())
         if percent[worst] > (mine.worst.value if mine.worst is not None else 0.0):
             of = slice(int(starts[worst]), int(starts[worst] + size[worst]))
@@ -325,7 +326,7 @@ def _count(mine: StepFigures, step: _Step, otherwise: str, least: float, held_ns
     high = np.array([step.in_ns - step.t_ns + step.spread])
     _add_between(mine, low, high, np.array([step.spread >= 0]))
     percent = 100 * step.beyond.value / abs(step.travel)
-    mine.overshoot.add(_milli(np.array([percent])), np.zeros(1, np.int64))
+    mine.overshoot.add(in_milli(np.array([percent])), np.zeros(1, np.int64))
     if percent > (mine.worst.value if mine.worst is not None else 0.0):
         mine.worst = Extreme(percent, step.beyond.t_ns, step.beyond.offset)
 
@@ -335,8 +336,3 @@ def _add_between(mine: StepFigures, low: I64, high: I64, known: Mask) -> None:
     low, high = low[known], np.maximum(high, low)[known]
     middle = (low + high) // 2
     mine.settle.add(middle, high - middle)
-
-
-def _milli(percent: F64) -> I64:
-    """Return percents in thousandths."""
-    return np.rint(1000 * percent).astype(np.int64)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.buckets import Buckets
+from sniffer.ground.milli import MILLI, in_milli
 
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
@@ -25,9 +26,6 @@ FINEST_NS: Final = 1_000_000
 
 CURVES: Final = 1024
 """Curves that are kept, the first ones met; 128 servos with eight curves each."""
-
-MILLI: Final = 1000
-"""Values are kept in thousandths: sums of whole numbers are the same in any order."""
 
 _PLACE: Final = 45
 _ORIGIN: Final = 1 << (_PLACE - 1)
@@ -76,7 +74,7 @@ class Grid:
         if curve < 0 or not len(t_ns):
             return
         self._reach(int(t_ns.min()), int(t_ns.max()))
-        milli = np.rint(value * MILLI).astype(np.int64)
+        milli = in_milli(value)
         key = (curve << _PLACE) + t_ns // self.width_ns + _ORIGIN
         n = np.ones(len(key), np.int64)
         self._rows.add(key, n=n, low=milli, high=milli, total=milli, last=milli)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.milli import MILLI, in_milli
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -51,9 +52,6 @@ DEEP: Final = 0.5
 NEAR: Final = 1.1
 """A shift that leaves no more than so many times the least is as good: of a motion that repeats
 within ``LONGEST_NS`` the shortest one counts."""
-
-EACH: Final = 1000
-"""Errors are counted in whole thousandths of their unit: a sum does not depend on its order."""
 
 FARTHEST: Final = 1 << 13
 """A longer way from a goal to a position counts as this one, so squares can be summed for years."""
@@ -128,7 +126,7 @@ class _Past:
             return None
         held = np.searchsorted(times, course.t_ns[rows][:, None] - SHIFTS, side="right") - 1
         error = np.clip(goals[held] - course.position[rows][:, None], -FARTHEST, FARTHEST)
-        return np.rint(EACH * error).astype(np.int64) ** 2, course.spread[rows]
+        return in_milli(error) ** 2, course.spread[rows]
 
 
 def _best(squares: I64, count: int) -> int | None:
@@ -175,7 +173,7 @@ class _Shifted:
             return None
         # a shift is an average: one stamp that came late moves it by its share
         doubt = STEP_NS + self.doubt_ns // self.count
-        left, whole = (float(np.sqrt(self.squares[k] / self.count) / EACH) for k in (best, 0))
+        left, whole = (float(np.sqrt(self.squares[k] / self.count) / MILLI) for k in (best, 0))
         low, high = max(int(SHIFTS[best]) - doubt, 0), int(SHIFTS[best]) + doubt
         return Lag(low, high, self.count, left, whole)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sniffer.decoding.durations import Quantiles
+from sniffer.ground.milli import in_milli
 from sniffer.statistics.figures import Extreme
 from sniffer.statistics.firstmotion import FirstMotions
 from sniffer.statistics.following import Follower
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
     from sniffer.statistics.following import Course
-
-MILLI: Final = 1000
-"""Distances are counted in thousandths of their unit."""
 
 
 @dataclass(slots=True)
@@ -63,7 +61,7 @@ class Motion:
             return
         mine = self.errors.setdefault((course.servo_id, course.unit), ErrorFigures())
         size = np.abs(error[rows])
-        mine.size.add(np.rint(size * MILLI).astype(np.int64), np.zeros(len(rows), np.int64))
+        mine.size.add(in_milli(size), np.zeros(len(rows), np.int64))
         k = int(size.argmax())
         if mine.worst is None or size[k] > abs(mine.worst.value):
             row = rows[k]

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.statistics.commands import wilson
 from sniffer.statistics.figures import BYTES
 from sniffer.statistics.load import profile
-from sniffer.statistics.motion import MILLI
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,6 +13,7 @@ from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.merging.merger import Merger
+from sniffer.messages import ANCHOR
 from sniffer.ports import PortOptions, Retunable, open_port
 from sniffer.tap.reader import Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
@@ -193,8 +194,7 @@ def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) ->
     """Return what the recording's metadata says about ports and clock."""
     facts = {
         "clock": "monotonic, anchored to the wall clock at the start",
-        "clock_wall_ns": str(anchor.wall_ns),
-        "clock_monotonic_ns": str(anchor.monotonic_ns),
+        **dict(zip(ANCHOR, map(str, (anchor.wall_ns, anchor.monotonic_ns)), strict=True)),
     }
     for tap in taps:
         bus = tap.spec.bus

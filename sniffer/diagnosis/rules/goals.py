@@ -10,8 +10,8 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import TORN, may_be_torn
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.steps import MILLI
 from sniffer.diagnosis.trips import BEYOND, trips
+from sniffer.ground.milli import MILLI
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,9 +10,10 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.returns import TURN
-from sniffer.diagnosis.steps import MILLI, SPEED
+from sniffer.diagnosis.steps import SPEED
 from sniffer.diagnosis.tracks import FAR, in_force, track
 from sniffer.diagnosis.trips import trips
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.returns import Returned
-from sniffer.diagnosis.steps import MILLI
 from sniffer.diagnosis.tracks import in_force
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.passing import misread_senders
-from sniffer.diagnosis.steps import MILLI
+from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
