@@ -121,10 +121,13 @@ FAMILY: Final = PacketFamily(
     # A response comes after the return delay, at most 508 us; a controller's own time-out is
     # longer, and nobody states one.
     window_ns=10_000_000,
+    # Who asks anew does so later than this, and what he asks would fit as the answer that is missing.
+    tail_ns=15_000_000,
     certain=0x80,  # bits 6 and 7 of an error byte have no meaning
     doubt=True,
     silent=(BROADCAST,),
     words=("instruction", "error", "response"),
+    reports={"voltage": "input_voltage", "temperature": "overheating", "current": "overload"},
 )
 
 PROTOCOL: Final = Member(FAMILY)
