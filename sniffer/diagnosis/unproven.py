@@ -1,0 +1,56 @@
+"""Answers that are requests as well, of servos that never gave another one: nobody was heard there.
+
+Where an error stands in the place of the instruction, a request may fit as the answer to the one
+before it: a tap that hears the controller only would find that its servos answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.anomalies.found import Anomalies
+from sniffer.ground.codes import NO_RESPONSE, OK, REQUEST
+from sniffer.ground.model import UNUSUAL
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import Batch
+    from sniffer.protocols.base import BusProtocol
+
+
+class Unproven:
+    """Learns which commands are said, and whose answers can be nothing else."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._doubts: bool = getattr(protocol, "doubt", False)
+        self._said = np.zeros(256, bool)
+        self._proven = np.zeros(256, bool)
+
+    def without(self, batch: Batch) -> Batch:
+        """Return a batch in which such answers are none, nor what is said of them."""
+        f, t = batch.frames, batch.transactions
+        if not self._doubts or not len(f):
+            return batch
+        self._said[f.op[(f.kind == REQUEST) & (f.op >= 0) & (f.op < 256)]] = True
+        rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0))
+        answer = t.response[rows]
+        is_said = (f.status[answer] > 0) & self._said[f.status[answer] & 255]
+        doubtful = is_said & ((f.flags[answer] & UNUSUAL > 0) | (f.data_length[answer] == 0))
+        who = f.servo_id[answer] & 255
+        self._proven[who[~doubtful]] = True
+        doubtful &= ~self._proven[who]
+        if not doubtful.any():
+            return batch
+        outcome = t.outcome.copy()
+        outcome[rows[doubtful]] = NO_RESPONSE
+        response, took = t.response.copy(), t.response_time_ns.copy()
+        response[rows[doubtful]] = took[rows[doubtful]] = -1
+        found = Anomalies.of(batch.anomalies)
+        places = f.start[answer[doubtful]] + batch.base
+        return replace(
+            batch,
+            transactions=replace(t, outcome=outcome, response=response, response_time_ns=took),
+            anomalies=found.take(np.flatnonzero(~np.isin(found.at, places))),
+        )
