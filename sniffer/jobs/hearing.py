@@ -76,7 +76,7 @@ def hear(
     try:
         return heard(options, diagnosis)
     except UndecidedError as error:
-        if not diagnosis.spoken():
+        if error.is_tie or not diagnosis.spoken():
             raise
         again = heard(as_likely(error, diagnosis, options), Diagnosis())
         if not is_explained(error, again.diagnosis):
