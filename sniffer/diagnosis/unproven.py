@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.anomalies.found import Anomalies
-from sniffer.ground.codes import NO_RESPONSE, OK, REQUEST
+from sniffer.ground.codes import NO_RESPONSE, OK
 from sniffer.ground.model import UNUSUAL
 
 if TYPE_CHECKING:
@@ -21,23 +21,25 @@ if TYPE_CHECKING:
 
 
 class Unproven:
-    """Learns which commands are said, and whose answers can be nothing else."""
+    """Learns whose answers can be nothing else.
+
+    A protocol has as ``doubtful`` the commands for whose codes an error may be taken.
+    """
 
     def __init__(self, protocol: BusProtocol) -> None:
-        self._doubts: bool = getattr(protocol, "doubt", False)
-        self._said = np.zeros(256, bool)
+        self._codes = np.array(getattr(protocol, "doubtful", ()), np.int64)
         self._proven = np.zeros(256, bool)
 
     def without(self, batch: Batch) -> Batch:
         """Return a batch in which such answers are none, nor what is said of them."""
         f, t = batch.frames, batch.transactions
-        if not self._doubts or not len(f):
+        if not len(self._codes) or not len(f):
             return batch
-        self._said[f.op[(f.kind == REQUEST) & (f.op >= 0) & (f.op < 256)]] = True
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0))
         answer = t.response[rows]
-        is_said = (f.status[answer] > 0) & self._said[f.status[answer] & 255]
-        doubtful = is_said & ((f.flags[answer] & UNUSUAL > 0) | (f.data_length[answer] == 0))
+        doubtful = np.isin(f.status[answer], self._codes) & (
+            (f.flags[answer] & UNUSUAL > 0) | (f.data_length[answer] == 0)
+        )
         who = f.servo_id[answer] & 255
         self._proven[who[~doubtful]] = True
         doubtful &= ~self._proven[who]
