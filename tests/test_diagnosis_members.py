@@ -193,3 +193,34 @@ def test_a_limit_of_temperature_is_found_by_what_it_limits() -> None:
 def test_all_servos_answer_a_ping_to_all_of_them() -> None:
     said = [packet("feetech", 254, PING), *(status("feetech", who, 0) for who in (1, 2, 5))]
     assert anomalies("feetech", *said) == []
+
+
+def test_a_write_of_half_a_register_is_told_from_when_it_was_said() -> None:
+    said: Said = []
+    for k in range(40):
+        raw = (2000 + k).to_bytes(2, "little")
+        goal = raw if k < 20 else raw[:1]
+        said += exchange(k / 10, tell("feetech", 1, 42, goal), status("feetech", 1, 0))
+    told = [i for i in heard("feetech", said).incidents() if i.cause == "partial-write"]
+    assert [round((i.first_ns - BEGAN_NS) / NS, 1) for i in told] == [2.0]
+
+
+def test_who_refuses_a_write_of_what_is_read_only_has_one_fault() -> None:
+    name = "dynamixel2"
+    said: Said = []
+    for k in range(60):
+        write = tell(name, 1, 132, (2000 + k).to_bytes(4, "little"))
+        said += exchange(k / 10, write, status(name, 1, 7))
+        said += exchange(k / 10 + 0.01, ask(name, 1, 132, 4), status(name, 1, 0, b"\0\x08\0\0"))
+    assert verdicts(heard(name, said).incidents()) == [("read-only-write", (1,))]
+
+
+def test_who_refuses_goals_beyond_its_limits_is_sent_too_far() -> None:
+    name = "dynamixel2"
+    said: Said = []
+    for k in range(60):
+        write = tell(name, 1, 116, (4000 + 5 * k).to_bytes(4, "little"))
+        said += exchange(k / 10, write, status(name, 1, 6 if k > 19 else 0))
+        said += exchange(k / 10 + 0.01, ask(name, 1, 132, 4), status(name, 1, 0, b"\0\x08\0\0"))
+    assert "goal-out-of-range" in [i.cause for i in heard(name, said).incidents()]
+    assert "servo-refuses" not in [i.cause for i in heard(name, said).incidents()]

@@ -219,6 +219,8 @@ def writes(case: Case) -> Iterator[Finding]:
                 brief=f"{register.name} of servo {servo} is written",
             )
         elif parts:
+            span = int(w["part_first"][i]), int(w["part_last"][i])
+            place = Place(int(w["part_at"][i]), 1, span[0], f"writes half of {register.name}")
             yield Finding(
                 "writes-part",
                 who,
