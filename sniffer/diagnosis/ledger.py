@@ -116,7 +116,7 @@ class Ledger:
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
         self.unclaimed = Unclaimed()
-        self._unproven = Unproven(protocol)
+        self.unproven = Unproven(protocol)
         self.is_shared = False
         """Whether another protocol is on the same wire."""
         self.head = b""
@@ -135,7 +135,7 @@ class Ledger:
 
     def add(self, batch: Batch) -> None:
         """Take what one pass decided."""
-        batch = self._unproven.without(batch)
+        batch = self.unproven.without(batch)
         self.clock = batch.clock
         self.bytes += len(batch.data)
         if batch.base < HEAD:

@@ -28,7 +28,11 @@ class Unproven:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._codes = np.array(getattr(protocol, "doubtful", ()), np.int64)
-        self._proven = np.zeros(256, bool)
+        self._proven, self._doubted = np.zeros((2, 256), bool)
+
+    def is_doubted(self, servo_id: int) -> bool:
+        """Tell whether requests to a servo were taken for its answers: what they say is lost."""
+        return bool(self._doubted[servo_id & 255] and not self._proven[servo_id & 255])
 
     def without(self, batch: Batch) -> Batch:
         """Return a batch in which such answers are none, nor what is said of them."""
@@ -45,6 +49,7 @@ class Unproven:
         doubtful &= ~self._proven[who]
         if not doubtful.any():
             return batch
+        self._doubted[who[doubtful]] = True
         outcome = t.outcome.copy()
         outcome[rows[doubtful]] = NO_RESPONSE
         response, took = t.response.copy(), t.response_time_ns.copy()
