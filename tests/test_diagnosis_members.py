@@ -11,6 +11,7 @@ from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.anomalies.device import device_code
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import NS, Chunk, Clock
+from sniffer.testing import Exchange, checks
 from tests.diagnosed import codes, diagnosed, verdicts
 from tests.members import protocol
 from tests.servos import BEGAN_NS
@@ -189,6 +190,14 @@ def test_a_limit_of_temperature_is_found_by_what_it_limits() -> None:
     d = heard(name, said)
     assert verdicts(d.incidents()) == [("overheat", (1,))]
     assert any("its limit is 65" in f.what for i in d.incidents() for f in i.findings)
+
+
+def test_the_kit_tells_of_a_meaning_that_no_anomaly_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    servo = protocol("feetech")
+    monkeypatch.setattr(servo, "reports", {"voltage": "supply"})
+    talk = [Exchange("ping", packet("feetech", 1, PING), (status("feetech", 1, 0),), {}, ())]
+    with pytest.raises(AssertionError, match="there is no anomaly device-supply"):
+        next(one for one in checks(servo, talk) if one.name == "talk")()
 
 
 def test_all_servos_answer_a_ping_to_all_of_them() -> None:

@@ -19,11 +19,15 @@ def error_number(protocol: BusProtocol) -> int:
     return told
 
 
-def meaning_of(protocol: BusProtocol, name: str) -> str:
-    """Return what a manual's name of a fault means, by the names that anomalies have.
+def reports_of(protocol: BusProtocol) -> Mapping[str, str]:
+    """Return what a manual's names of faults mean, by the names that anomalies have.
 
-    A protocol may say it as ``reports``: ``{"voltage": "input_voltage"}``. Any other name is taken
-    as it stands.
+    A protocol may say it as ``reports``: ``{"voltage": "input_voltage"}``.
     """
     told: Mapping[str, str] = getattr(protocol, "reports", {})
-    return told.get(name, name)
+    return told
+
+
+def meaning_of(protocol: BusProtocol, name: str) -> str:
+    """Return what one of them means; a name of which nothing is said is taken as it stands."""
+    return reports_of(protocol).get(name, name)
