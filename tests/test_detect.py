@@ -18,6 +18,7 @@ from sniffer.decoding.detect import ENOUGH, Detection, UndecidedError, detect
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.framing import Block
 from sniffer.ground.model import UNKNOWN, Chunk, Frames
+from sniffer.jobs.diagnose import diagnose
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
 from sniffer.sources import open_source
@@ -220,6 +221,11 @@ class TestTwoThatExplainTheSameBytes:
         with pytest.raises(UndecidedError, match=r"dynamixel1 100.0%, twin 100.0%") as caught:
             detect([Chunk(said(40))])
         assert "name it with `protocol`" in str(caught.value)
+
+    def test_nothing_is_diagnosed_in_bytes_that_two_explain(self, tmp_path: Path) -> None:
+        (tmp_path / "dump.bin").write_bytes(said(400))
+        with pytest.raises(UndecidedError, match=r"dynamixel1 100.0%, twin 100.0%"):
+            diagnose(tmp_path / "dump.bin")
 
     def test_who_knows_the_commands_is_taken(self) -> None:
         writes = b"".join(packet(n % 4, WRITE, bytes([30, n])) for n in range(60))

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
-from sniffer.anomalies.edges import Edges
+from sniffer.anomalies.edges import Edges, LastNumbers
 from sniffer.anomalies.found import NONE, NUMBER, Anomalies
 from sniffer.anomalies.rules import anomaly, of_frames
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
 from sniffer.ground.memory import Remembering
+from sniffer.protocols.reports import error_number, meaning_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,6 +38,7 @@ def device_code(name: str) -> str:
 def _reported(
     batch: Batch,
     name: str,
+    slug: str,
     rows: I64,
     t_ns: I64,
     servo_id: I16,
@@ -59,7 +61,7 @@ def _reported(
             )
         ]
 
-    code = np.where(is_over, NUMBER["device-recovered"], NUMBER[device_code(name)])
+    code = np.where(is_over, NUMBER["device-recovered"], NUMBER[slug])
     return of_frames(batch, rows, code, t_ns, servo_id, tell)
 
 
@@ -85,7 +87,9 @@ class DeviceRules(Remembering):
         self._any_outside = False
         self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in known.alarms.items()}
         alarms = [one for _, edges in self._alarms.values() for one in edges]
-        self._edges = [*self._status, self._outside, *alarms]
+        self._number = error_number(protocol)
+        self._numbers = LastNumbers(256)
+        self._edges = [*self._status, self._numbers, self._outside, *alarms]
 
     def matters(self, at: int) -> Mapping[str, Any]:
         """Return nothing beside the edges: the others only tell where nothing is to be done."""
@@ -115,8 +119,10 @@ class DeviceRules(Remembering):
         status = f.status[rows].astype(np.int64)
         servo = (f.servo_id[rows] & 255).astype(np.int64)
         self._reported |= int(np.bitwise_or.reduce(status))
+        if self._reported & self._number:
+            yield from self._status_numbers(batch, rows, servo, status)
         for bit, edges in enumerate(self._status):
-            if not self._reported >> bit & 1:
+            if not (self._reported & ~self._number) >> bit & 1:
                 continue
             flag = (status >> bit & 1).astype(bool)
             # An answer without a status byte (its bits lie above one) says nothing about faults.
@@ -131,7 +137,30 @@ class DeviceRules(Remembering):
                 name = (*self._protocol.status_names(mask), f"bit{bit}")[0]
                 row = rows[turned]
                 columns = f.t_end[row], f.servo_id[row], fall[turned], status[turned]
-                yield _reported(batch, name, row, *columns)
+                yield _reported(batch, name, self._code(name), row, *columns)
+
+    def _code(self, name: str) -> str:
+        return device_code(meaning_of(self._protocol, name))
+
+    def _status_numbers(
+        self, batch: Batch, rows: I64, servo: I64, status: I64
+    ) -> Iterator[Anomalies]:
+        """Report errors that are numbers: a refusal each time, others where they begin and end."""
+        f, number = batch.frames, np.where(status <= STATUS_BYTE, status & self._number, 0)
+        refused = self._protocol.refused(number.astype(np.int16)) & (number > 0)
+        rise, fall = self._numbers.feed(servo, np.where(refused, 0, number))
+        rise |= refused
+        for one in np.unique(number[rise]).tolist():
+            mine = np.flatnonzero(rise & (number == one))
+            name = (*self._protocol.status_names(one), f"error {one}")[0]
+            row, is_over = rows[mine], np.zeros(len(mine), bool)
+            columns = f.t_end[row], f.servo_id[row], is_over, status[mine]
+            yield _reported(batch, name, self._code(name), row, *columns)
+        over = np.flatnonzero(fall)
+        if len(over):
+            row = rows[over]
+            columns = f.t_end[row], f.servo_id[row], fall[over], status[over]
+            yield _reported(batch, "an error", "device-alarm", row, *columns)
 
     def _is_within(self, extremes: Mapping[int, Extremes] | None) -> bool:
         """Tell whether no value can be out of range, as the extremes of none are."""
@@ -176,13 +205,14 @@ class DeviceRules(Remembering):
             mine = np.flatnonzero((v.register == index) & v.accepted)
             servo = (v.servo_id[mine] & 255).astype(np.int64)
             for raw, one in zip(register.alarms, edges, strict=True):
-                rise, fall = one.feed(servo, v.raw[mine] == raw)
-                name = register.values.get(raw, f"{register.name} {raw}")
+                now = v.raw[mine]
+                rise, fall = one.feed(servo, now >> raw & 1 > 0 if register.bits else now == raw)
+                name = (register.bits or register.values).get(raw, f"{register.name} {raw}")
                 turned = np.flatnonzero(rise | fall)
                 if len(turned):
                     k = mine[turned]
                     columns = v.t_ns[k], v.servo_id[k], fall[turned], None
-                    yield _reported(batch, name, v.row[k], *columns)
+                    yield _reported(batch, name, self._code(name), v.row[k], *columns)
 
     def _reset_ids(self, batch: Batch, resets: Sequence[Change]) -> Iterator[Anomaly]:
         for c in resets:

@@ -12,6 +12,32 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, Mask
 
 
+class LastNumbers(Remembering):
+    """Remembers one number a key (0..size-1) across batches; 0 is none."""
+
+    LASTING = ("_last",)
+
+    def __init__(self, size: int) -> None:
+        self._last = np.zeros(size, np.int64)
+
+    def feed(self, key: I64, number: I64) -> tuple[Mask, Mask]:
+        """Return where each key's number is another one than before, and where it is none again."""
+        order = np.argsort(key, kind="stable")
+        k, now = key[order], number[order]
+        first = np.ones(len(k), bool)
+        first[1:] = k[1:] != k[:-1]
+        before = np.empty(len(k), np.int64)
+        before[1:] = now[:-1]
+        before[first] = self._last[k[first]]
+        last = np.ones(len(k), bool)
+        last[:-1] = first[1:]
+        self._last[k[last]] = now[last]
+        rise, fall = np.empty(len(k), bool), np.empty(len(k), bool)
+        rise[order] = (now != before) & (now > 0)
+        fall[order] = (now == 0) & (before > 0)
+        return rise, fall
+
+
 class Edges(Remembering):
     """Remembers one flag a key (0..size-1) across batches."""
 

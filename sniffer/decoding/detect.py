@@ -134,15 +134,22 @@ class UndecidedError(InputError):
 
     ``likely`` names the one whose frames are meant although none holds; empty: nobody knows.
     ``likely_of`` has that by bus, for all buses whose protocol cannot be told, where it is known
-    which these are.
+    which these are. ``is_tie``: the frames of two hold alike, so nothing is
+    wrong with the bytes.
     """
 
     def __init__(
-        self, told: str, *, likely: str = "", likely_of: Mapping[str, str] | None = None
+        self,
+        told: str,
+        *,
+        likely: str = "",
+        likely_of: Mapping[str, str] | None = None,
+        is_tie: bool = False,
     ) -> None:
         super().__init__(told)
         self.likely = likely
         self.likely_of = dict(likely_of or {})
+        self.is_tie = is_tie
 
     def of(self, name: str) -> UndecidedError:
         """Return the same of an input that is named: these bytes of ``name``; empty: of none."""
@@ -154,12 +161,20 @@ class UndecidedError(InputError):
 
     def among(self, likely_of: Mapping[str, str]) -> UndecidedError:
         """Return the same where these are all the buses of which it cannot be told."""
-        return UndecidedError(self.args[0], likely=self.likely, likely_of=likely_of)
+        return UndecidedError(
+            self.args[0], likely=self.likely, likely_of=likely_of, is_tie=self.is_tie
+        )
+
+    def telling(self, told: str) -> UndecidedError:
+        """Return the same in other words."""
+        return UndecidedError(
+            told, likely=self.likely, likely_of=self.likely_of, is_tie=self.is_tie
+        )
 
     def _with(self, **words: str) -> UndecidedError:
         told = self.args[0]
         told = told.told_of(**words) if isinstance(told, Sentence) else told
-        return UndecidedError(told, likely=self.likely, likely_of=self.likely_of)
+        return self.telling(told)
 
 
 def _hint(head: bytes) -> tuple[str, str]:
@@ -233,11 +248,12 @@ class Scores:
             return found
         shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
-        likely, told = _hint(self._data)
+        is_tie = bool(names) and self.shares[names[0]] >= CLEAR
+        likely, told = ("", "name it with {protocol}") if is_tie else _hint(self._data)
         these = "this {size} byte" if self.size == 1 else "these {size} bytes"
         told = f"cannot tell the protocol of {these}{{bus}}{{whose}}{{why}}: {told}"
         told = Sentence(told, size=self.size, bus="", whose="", why=why)
-        raise UndecidedError(told, likely=likely)
+        raise UndecidedError(told, likely=likely, is_tie=is_tie)
 
     def _found(self, first: str, others: Sequence[str]) -> Detection | None:
         """Return what the best candidate is taken for, if it is clear enough that it is that."""

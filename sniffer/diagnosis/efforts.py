@@ -36,10 +36,8 @@ class Effort:
     def __init__(self, case: Case, series: Series) -> None:
         self._case = case
         self.series = series
-        r = series.register
-        top = (1 << r.sign_bit) - 1 if r.sign_bit is not None else (r.range or (0, 0))[1]
-        self.full = top * abs(r.scale) if not series.unit else 0.0
-        """The greatest that the register states; 0 where it is in a unit."""
+        self.full = _greatest(series)
+        """The greatest that the motor can, 0 where it is in mA."""
         self.size: F64 = np.maximum(np.abs(series.low), np.abs(series.high))
         self.steady: F64 = np.abs(series.mean)
 
@@ -88,10 +86,19 @@ class Effort:
         return f"{self.series.register.quantity} {self.series.told(value)}"
 
 
+def _greatest(series: Series) -> float:
+    """Return the greatest number of a load: 100 %, or what its register states; 0: none known."""
+    if series.unit == "%":
+        return 100.0
+    r = series.register
+    top = (1 << r.sign_bit) - 1 if r.sign_bit is not None else (r.range or (0, 0))[1]
+    return 0.0 if series.unit else top * abs(r.scale)
+
+
 def effort(case: Case, servo_id: int) -> Effort | None:
-    """Return how hard a servo works; None: it does not say."""
+    """Return how hard a servo works; None: it does not say, or in steps that nobody can weigh."""
     for quantity in QUANTITIES:
         series = case.series(servo_id, quantity)
-        if series is not None:
+        if series is not None and (series.unit == "mA" or _greatest(series)):
             return Effort(case, series)
     return None

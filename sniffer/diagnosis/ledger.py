@@ -32,6 +32,7 @@ from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
+from sniffer.diagnosis.unproven import Unproven
 from sniffer.ground.codes import (
     DAMAGED,
     MEASURED,
@@ -116,6 +117,7 @@ class Ledger:
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
         self.unclaimed = Unclaimed()
+        self.unproven = Unproven(protocol)
         self.is_shared = False
         """Whether another protocol is on the same wire."""
         self.head = b""
@@ -134,6 +136,7 @@ class Ledger:
 
     def add(self, batch: Batch) -> None:
         """Take what one pass decided."""
+        batch = self.unproven.without(batch)
         self.clock = batch.clock
         self.bytes += len(batch.data)
         if batch.base < HEAD:

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets, in_groups
 from sniffer.diagnosis.events import SETTING, Happenings
 from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
+from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Mask
@@ -23,6 +24,9 @@ MOVING: Final = frozenset(
 _WRITES: Final = {
     "n": "sum",
     "parts": "sum",
+    "part_first": "min",
+    "part_last": "max",
+    "part_at": "min",
     "refused": "sum",
     "low": "min",
     "high": "max",
@@ -146,14 +150,18 @@ class Settings:
             return
         v, f = batch.values, batch.frames
         row, raw, t_ns = v.row[asked], v.raw[asked], v.t_ns[asked]
+        is_part, at = v.part[asked] != WHOLE, f.start[row] + batch.base
         self.writes.add(
             (v.servo_id[asked].astype(np.int64) + 1) * self._count + v.register[asked],
             n=1,
-            parts=v.part[asked] != WHOLE,
+            parts=is_part,
+            part_first=np.where(is_part, t_ns, NEVER_NS),
+            part_last=np.where(is_part, t_ns, 0),
+            part_at=np.where(is_part, at, NEVER_NS),
             refused=~v.accepted[asked],
             low=raw,
             high=raw,
-            at=f.start[row] + batch.base,
+            at=at,
             length=f.length[row],
             t_first=t_ns,
             t_last=t_ns,

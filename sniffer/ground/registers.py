@@ -280,6 +280,17 @@ def _agree(registers: Sequence[Register]) -> None:
             raise ValueError(
                 f"register {r.name}: no {r.bounds} in {r.unit or 'steps'} that it bounds"
             )
+    _known_quantities(registers)
+
+
+def _known_quantities(registers: Sequence[Register]) -> None:
+    """Refuse a register that is a limit of what none in its table states."""
+    stated = {(r.quantity, r.unit) for r in registers}
+    for r in registers:
+        for key, quantity in (("least_of", r.least_of), ("most_of", r.most_of)):
+            if quantity and (quantity, r.unit) not in stated:
+                what = f"{quantity} in {r.unit or 'steps'}"
+                raise ValueError(f"register {r.name}: {key} is {what}, which no register has")
 
 
 def _identity(told: Any) -> Identity | None:

@@ -98,7 +98,9 @@ def diagnose(
         done = hear(diagnosis, options)
     except UndecidedError as error:
         if name_of(source) == name_of("-"):
-            raise UndecidedError(Sentence(_ONCE, told=error.args[0])) from error
+            raise error.telling(Sentence(_ONCE, told=error.args[0])) from error
+        if error.is_tie:
+            raise
         others, diagnosis = diagnosis, Diagnosis()
         done = hear(diagnosis, as_likely(error, others, options))
         if not is_explained(error, diagnosis):

@@ -77,7 +77,7 @@ def hear(
     try:
         return heard(opened, options, diagnosis)
     except UndecidedError as error:
-        if not diagnosis.spoken():
+        if error.is_tie or not diagnosis.spoken():
             raise
         again = heard(opened, as_likely(error, diagnosis, options), Diagnosis())
         if is_explained(error, again.diagnosis):

@@ -53,7 +53,7 @@ def undecided_of(name: str, *, leads: bool = False) -> Iterator[None]:
     except UndecidedError as error:
         if leads:
             told = Sentence("{name}: {told}", name=name, told=error.of("").args[0])
-            raise UndecidedError(told, likely=error.likely, likely_of=error.likely_of) from error
+            raise error.telling(told) from error
         if name == STANDARD_INPUT:
             raise
         raise error.of(name) from error

@@ -9,9 +9,11 @@ from fnmatch import fnmatchcase
 from random import Random
 from typing import TYPE_CHECKING, Final
 
+from sniffer.anomalies.device import device_code
 from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import protocol_named
+from sniffer.protocols.reports import reports_of
 from sniffer.testing import laws
 from sniffer.testing.arrange import ARRANGEMENTS, DONE_LATER, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
@@ -155,12 +157,16 @@ class Kit:
         return f"{told}, {len(wrong)} of them ambiguous as declared" if wrong else told
 
     def misspelt(self) -> str:
-        """Hold that declared ambiguities name arrangements and commands that there are."""
+        """Hold that what is declared exists: ambiguous cases, and meanings of errors."""
         keys = {c.key for c in self.cases}
         declared = self.talk.ambiguous
         unknown = [x for x in declared if not any(fnmatchcase(key, x) for key in keys)]
         if unknown:
             raise AssertionError(f"ambiguous cases declared that are none: {', '.join(unknown)}")
+        meant = dict.fromkeys(reports_of(self.protocol).values())
+        if nothing := [name for name in meant if device_code(name) == "device-alarm"]:
+            slug = f"device-{nothing[0].replace('_', '-')}"
+            raise AssertionError(f"reports: there is no anomaly {slug}: docs/anomalies.md has them")
         return f"{len(self.talk.exchanges)} exchanges, {len(self.talk.scenes)} scenes"
 
     def slow(self) -> str:

@@ -17,7 +17,7 @@ EXAMPLES: Final = Path(__file__).parents[2] / "examples" / "protocols"
 NAMES: Final = ("dynamixel1", "dynamixel2", "feetech")
 """Those that read and write by address."""
 
-ALL: Final = (*NAMES, "lx16a", "herkulex", "ics", "lktech", "cubemars")
+ALL: Final = (*NAMES, "lx16a", "herkulex", "ics", "lktech", "cubemars", "mks")
 
 BYTES: Final = [0xFF, 0xFF, 0xFD, 0xFD, 0, 1, 2, 3, 4, 5, 7, 0x1E, 0x24, 0x2A, 0x55, 0x83, 0xFE]
 

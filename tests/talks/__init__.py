@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from sniffer.ground.registers import schema_path
 from sniffer.testing import Exchange, Label
@@ -29,6 +29,7 @@ class Row(NamedTuple):
     address: int
     width: int
     signed: bool
+    order: Literal["little", "big"] = "little"
 
 
 @cache
@@ -40,7 +41,8 @@ def table(model: str) -> tuple[Row, ...]:
     for entry in tomllib.loads(text)["register"]:
         kind: str = entry.get("type", "u8")
         width = {"8": 1, "1": 2, "3": 4, "6": 8}[kind[1]]
-        out.append(Row(entry["name"], int(entry["address"]), width, kind[0] == "i"))
+        order: Literal["little", "big"] = "big" if kind.endswith("be") else "little"
+        out.append(Row(entry["name"], int(entry["address"]), width, kind[0] == "i", order))
     return tuple(sorted(out, key=lambda r: r.address))
 
 
@@ -51,7 +53,7 @@ def stated(model: str, address: int, data: bytes, servo: int | None = None) -> d
         first, last = max(r.address, address), min(r.address + r.width, address + len(data))
         if first < last:
             part = data[first - address : last - address]
-            raw = int.from_bytes(part, "little", signed=r.signed and len(part) == r.width)
+            raw = int.from_bytes(part, r.order, signed=r.signed and len(part) == r.width)
             out[r.name if servo is None else (servo, r.name)] = raw
     return out
 

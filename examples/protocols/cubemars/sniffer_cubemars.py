@@ -93,6 +93,13 @@ FAMILY: Final = PacketFamily(
     window_ns=100_000_000,
     most=MOST,
     words=("command", "command", "answer"),
+    reports={
+        "over_voltage": "input_voltage",
+        "under_voltage": "input_voltage",
+        "over_temp_fet": "overheating",
+        "over_temp_motor": "overheating",
+        "abs_over_current": "overload",
+    },
 )
 
 PROTOCOL: Final = Member(FAMILY)

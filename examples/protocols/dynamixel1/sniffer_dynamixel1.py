@@ -119,9 +119,12 @@ FAMILY: Final = PacketFamily(
     # A status packet comes after the return delay, at most 508 us; a controller's own time-out is
     # longer, and nobody states one.
     window_ns=10_000_000,
+    # Who asks anew does so later than this, and what he asks may fit as the answer that is missing.
+    tail_ns=15_000_000,
     certain=0x80,  # bit 7 of an error byte is always 0
     doubt=True,
     silent=(BROADCAST,),
+    reports={"angle_limit": "stroke_limit"},
     refusals=1 << 6 | 1 << 4 | 1 << 3,  # instruction, checksum, range
 )
 

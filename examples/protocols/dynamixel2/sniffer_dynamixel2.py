@@ -174,6 +174,14 @@ FAMILY: Final = PacketFamily(
     silent=(BROADCAST,),
     refusals=0x7F,
     alerts={ALERT: "alert"},
+    reports={
+        "result_fail": "packet_not_processable",
+        "crc": "checksum",
+        "data_range": "packet_not_processable",
+        "data_length": "packet_not_processable",
+        "data_limit": "stroke_limit",
+        "access": "packet_not_processable",
+    },
     words=("instruction", "instruction", "status"),
     stuffing=FdBehindHeader(),
 )

@@ -102,9 +102,10 @@ FAMILY: Final = PacketFamily(
     bauds=(38400, 57600, 76800, 115200, 128000, 250000, 500000, 1000000),
     baud=1000000,
     packet=PACKET,
-    # Reads and pings are always answered, the others by the response level (0: not, 1: all).
+    # Reads and pings are always answered, the others by the response level (0: not, 1: all). A ping
+    # to all is answered by each, one behind the other: users' programs look for servos so.
     commands={
-        0x01: Command("ping", EMPTY, MUST),
+        0x01: Command("ping", EMPTY, MUST, to_all=MANY),
         0x02: Command("read", READ, MUST),
         0x03: Command("write", WRITE, IF_ALL),
         0x04: Command("reg_write", WRITE, IF_ALL, STAGED),
@@ -121,10 +122,13 @@ FAMILY: Final = PacketFamily(
     # A response comes after the return delay, at most 508 us; a controller's own time-out is
     # longer, and nobody states one.
     window_ns=10_000_000,
+    # Who asks anew does so later than this, and what he asks may fit as the answer that is missing.
+    tail_ns=15_000_000,
     certain=0x80,  # bits 6 and 7 of an error byte have no meaning
     doubt=True,
     silent=(BROADCAST,),
     words=("instruction", "error", "response"),
+    reports={"voltage": "input_voltage", "temperature": "overheating", "current": "overload"},
 )
 
 PROTOCOL: Final = Member(FAMILY)

@@ -132,6 +132,11 @@ FAMILY: Final = PacketFamily(
     silent=(BROADCAST,),
     refusals=1 << 3,
     words=("command", "command", "ACK"),
+    reports={
+        "temperature": "overheating",
+        "allowed_pot": "stroke_limit",
+        "invalid_packet": "packet_not_processable",
+    },
 )
 
 PROTOCOL: Final = Member(FAMILY)

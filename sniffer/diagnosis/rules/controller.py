@@ -219,6 +219,8 @@ def writes(case: Case) -> Iterator[Finding]:
                 brief=f"{register.name} of servo {servo} is written",
             )
         elif parts:
+            span = int(w["part_first"][i]), int(w["part_last"][i])
+            place = Place(int(w["part_at"][i]), 1, span[0], f"writes half of {register.name}")
             yield Finding(
                 "writes-part",
                 who,
@@ -262,6 +264,8 @@ def memory_wear(case: Case) -> Iterator[Finding]:
     for servo, (what, n, span, place, is_one) in sorted(_kept(case).items()):
         if n < LOOP and not _in_a_loop(case, n, place.offset, is_one):
             continue
+        if case.answering and servo in case.servos and servo not in case.answering:
+            continue  # who is not there keeps nothing
         seconds = (span[1] - span[0]) / NS
         hours = RATED / (n - 1) * seconds / 3600
         if case.has_clock and hours > LIFE_H:

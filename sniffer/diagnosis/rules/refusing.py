@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.protocols.reports import meaning_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -55,7 +56,8 @@ def refusals(case: Case) -> Iterator[Finding]:
         worst = rows[np.argmax(r["n"][rows])]
         n, status = int(r["n"][rows].sum()), int(r["status"][worst])
         names = case.protocol.status_names(status) if status > 0 else ()
-        if n < LEAST or "checksum" in names:  # what it got was not what was sent: the line's
+        meant = [meaning_of(case.protocol, name) for name in names]
+        if n < LEAST or "checksum" in meant:  # what it got was not what was sent: the line's
             continue
         says = f" with {' and '.join(names).replace('_', ' ')}" if names else " with other values"
         command = _command(case, op, int(r["address"][worst]))

@@ -219,7 +219,7 @@ def _is_borne_out(case: Case, servo: int, v: Series, low: I64) -> bool:
 def _limit(case: Case, servo: int) -> float:
     """Return the lowest voltage that a servo is set to accept; 0: it was not seen."""
     for index, register in enumerate(case.protocol.registers):
-        if register.unit == "V" and not register.quantity and "low" in register.name:
+        if register.least_of == "voltage":
             told = case.settings(register.name, servo_id=servo)
             mine = told.after[told.what == index]
             if len(mine):

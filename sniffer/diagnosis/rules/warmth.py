@@ -12,7 +12,6 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import Effort, effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import LOOKS, track
-from sniffer.ground.codes import CONFIG
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -267,9 +266,13 @@ def _climbs(mean: np.ndarray) -> bool:
 
 def _limit(case: Case, servo: int) -> tuple[float, str]:
     """Return the limit, and what is said of it."""
-    for index, register in enumerate(case.protocol.registers):
-        if register.unit != "degC" or register.role != CONFIG or "limit" not in register.name:
-            continue
+    model, _ = case.ledger.models.get(servo, ("", 0))
+    limits = [
+        (index, register)
+        for index, register in enumerate(case.protocol.registers)
+        if register.most_of == "temperature"
+    ]
+    for index, register in sorted(limits, key=lambda one: one[1].model != model):
         told = case.settings(register.name, servo_id=servo)
         mine = told.after[told.what == index]
         if len(mine) and mine[-1] > 0:

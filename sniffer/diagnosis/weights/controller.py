@@ -215,6 +215,7 @@ WEIGHTS: Final = (
         ("device-range", 0.8, "the servo refuses the address"),
         ("device-packet-not-processable", 0.6, "the servo refuses the packet"),
         ("device-nack", 0.6, "the servo refuses the packet"),
+        ("refuses-command", 0.4, "the servo refuses the packet"),
         ("no-response", 0.2, "the servo ignores it"),
         ("value-out-of-range", 0.2, "what is written fits no range"),
     ),
@@ -227,6 +228,7 @@ WEIGHTS: Final = (
         ("doubtful-value", 0.1, "half a goal is another goal"),
         ("device-range", 0.4, "the servo refuses the length"),
         ("device-packet-not-processable", 0.4, "the servo refuses the packet"),
+        ("refuses-command", 0.4, "the servo refuses the packet"),
         ("no-response", 0.2, "the servo ignores it"),
     ),
     *for_(

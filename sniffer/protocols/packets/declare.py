@@ -144,7 +144,8 @@ class PacketFamily:
 
     Ids: all servos obey ``silent`` ones and none answers; each answers ``anyone`` under its own.
     Errors: ``refusals`` are the bits that say that it was not done; ``alerts`` are bits, by name,
-    that are no error beside an Enum of those. Time: an answer takes ``window_ns`` at most, and
+    that are no error beside an Enum of those; ``reports`` say what names of the manual mean that
+    anomalies have others for. Time: an answer takes ``window_ns`` at most, and
     nothing crosses a silence longer than ``tail_ns``. While others are asked, it comes within
     ``reach`` bytes, or those of the longest packet. ``words`` are what the manual calls a code that
     asks, one that answers, and a response.
@@ -173,6 +174,7 @@ class PacketFamily:
     anyone: tuple[int, ...] = ()
     refusals: int = 0
     alerts: Mapping[int, str] = field(default_factory=dict)
+    reports: Mapping[str, str] = field(default_factory=dict)
     words: tuple[str, str, str] = ("instruction", "error", "status")
     stuffing: Stuffing | None = None
 

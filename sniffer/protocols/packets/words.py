@@ -36,6 +36,10 @@ class Words:
         self._heads = (header,) if answer in (b"", header) else (header, answer)
         error = field_named(family.feedback, "error")
         self._bits, self._numbers = flag_bits(error), numbers(error)
+        self.error_number = 0xFF & ~sum(family.alerts) if self._numbers and not self._bits else 0
+        self.reports = family.reports
+        plain = [code for code, command in family.commands.items() if not command.effect]
+        self.doubtful = tuple(plain if family.doubt else ())
         self._tells_more = family.tells_more
         # a packet's bytes by its length, or its code; that of an answer may be another one
         self._total, self._total_back = columns.sizes, columns.sizes_back
