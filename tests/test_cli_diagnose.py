@@ -86,7 +86,7 @@ def test_sound_traffic_is_called_sound_and_on_what_it_was_judged(
     diagnose: Asked, tmp_path: Path
 ) -> None:
     done = diagnose.says(log(tmp_path / "a.log", "rs30x", seconds=4))
-    assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 4\s+servos", done.out)
+    assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 3\s+servos", done.out)
 
 
 def test_several_incidents_are_told_in_short_before_each_is_told_at_length(
