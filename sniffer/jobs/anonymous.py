@@ -81,15 +81,18 @@ def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
     return blank[:end] + checksum(body).to_bytes(len(blank) - end, "little")
 
 
-def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Options]:
+def anonymous(
+    opened: Source, given: Options, tell: Teller, named: dict[str, str] | None = None
+) -> tuple[Derived, Options]:
     """Return a source that is read from zero on and names nobody, and how it is decoded.
 
-    It is read twice. Buses become ``bus0``, ``bus1`` in the order in which they speak. Of what a
-    recording says of itself rates, latencies, protocols, models and rules stay.
+    It is read twice. Buses become ``bus0``, ``bus1`` in the order in which they speak; ``named``
+    are those that have a name already, and gets the others. Of what a recording says of itself
+    rates, latencies, protocols, models and rules stay.
     """
     options = given.with_facts(opened.facts(), opened.tables)
     serials = _Serials()
-    names: dict[str, str] = {}
+    names = {} if named is None else named
     first: list[int] = []
 
     def heard(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
