@@ -41,7 +41,7 @@ _ONES: Final = later(rb"(?<![^\s,;])[0-9A-Fa-f](?![^\s,;])")
 _ALONE: Final = r" (`sed -E 's/\b[0-9A-Fa-f]\b/0&/g'` does, where a program left zeros out)"
 _NO_HEX: Final = "is not hex: put # before what is no byte"
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
-_LITERAL: Final = later(rb"""\bb(["'])((?:\\.|(?!\1)[^\\])*)\1""")
+_LITERAL: Final = later(rb"""\b((?:bytearray\()?)(b(["'])((?:\\.|(?!\3)[^\\])*)\3)""")
 _UNENDED: Final = later(rb"""\bb(["'])(?=[^"']*\\[^"']*$)""")
 _ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
@@ -111,10 +111,10 @@ def hex_line(line: bytes) -> bytes:
 
 def _said(literal: re.Match[bytes]) -> bytes:
     """Return bytes as Python shows them in hex: what is printable stands there as it is."""
-    if literal[2].strip(_DIGITS) == b"":  # as hexlify gives it
-        return literal[0]
+    if literal[4].strip(_DIGITS) == b"":  # as hexlify gives it
+        return b" " * len(literal[1]) + literal[2]
     try:
-        data = ast.literal_eval(literal[0].decode("ascii"))
+        data = ast.literal_eval(literal[2].decode("ascii"))
     except (ValueError, SyntaxError):
         return literal[0]
     return b" " + bytes(data).hex().encode() + b" "
