@@ -27,7 +27,6 @@ _BYTES: Final = later(rb"(?:(?:0[xX]|\\x)?[0-9A-Fa-f]{2})+|0[xX][0-9A-Fa-f]?|\\x
 _ODD: Final = later(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
 _STRANGE: Final = later(rb"[^0-9A-Fa-fxX\\]|$")
 _SINGLE: Final = later(rb"\b0[xX]([0-9A-Fa-f])\b")
-# "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b of b""
 # a line of nothing but FF:FF:01, FF-FF-01 or <FF><FF><01>; elsewhere, and where it
 # could be 12:30:00 or 26-11-20, they are of times and dates
 _PAIRED: Final = later(
@@ -43,6 +42,8 @@ _NO_HEX: Final = "is not hex: put # before what is no byte"
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
 _LITERAL: Final = later(rb"""\b((?:bytearray\()?)(b(["'])((?:\\.|(?!\3)[^\\])*)\3)""")
 _UNENDED: Final = later(rb"""\bb(["'])(?=[^"']*\\[^"']*$)""")
+# comments, "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b
+# of b""
 _ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
     rb"|/\*.{,200}?\*/"
@@ -98,7 +99,7 @@ def hex_block(text: bytes) -> bytes:
 
 
 def hex_line(line: bytes) -> bytes:
-    """Return the bytes that one line of hex states; raises :class:`Mistake`."""
+    """Return the bytes that one line of hex states; raises :class:`BadLineError`."""
     text = _LITERAL.sub(_said, line)
     if unended := _UNENDED.search(text):
         raise BadLineError(unended.start(), "bytes in quotes that do not end on this line")
@@ -154,7 +155,7 @@ def decimal_block(text: bytes) -> bytes:
 
 
 def decimal_line(line: bytes) -> bytes:
-    """Return the bytes that one line of decimal numbers states; raises :class:`Mistake`."""
+    """Return the bytes that one line of decimal numbers states; raises :class:`BadLineError`."""
     text = bare(line)
     for token in _TOKEN.finditer(text):
         if not token[0].isdigit() or len(token[0]) > _PLACES or int(token[0]) > 255:
