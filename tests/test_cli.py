@@ -138,6 +138,8 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
         (["recover", "-"], "this needs a file: save standard input first"),
         (["layout", "-"], "this needs a file: save standard input first"),
         (["replay", "--redecode", "-"], "this needs a file: save standard input first"),
+        (["simulate", "dxl"], "Invalid value for 'PROTOCOL': 'dxl' is not one of 'mightyzap'"),
+        (["decode", "x", "--name", "/"], "that can be read (Is a directory)"),
         (["recover", __file__], "`sniffer decode` reads other captures"),
         (
             ["explain", "12175"],
