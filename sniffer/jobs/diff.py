@@ -207,7 +207,7 @@ def diff(
         names_b = {(shown, servo): name for servo, name in on_b.items()}
     found, tests = differences(first, second)
     lost = () if output is None else gone([output], tell)
-    worst = max(endings, key=list(Ending).index)
+    worst = Ending.worst(endings)
     texts = tuple("all of it" if run.part is None else str(run.part) for run in two)
     return Compared(
         (str(a), str(b)),
