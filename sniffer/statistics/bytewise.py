@@ -52,9 +52,9 @@ class SpanBytes:
     """What was heard of one span: its bytes over time, thinned, and exact figures of all of them.
 
     ``series`` has times and rows of bytes. ``ends`` are the least and the most of each kind of
-    number, by the byte that it begins with. By byte and value (0..255): ``seen`` is whether it was
-    heard, ``deltas`` how often a byte changed by it from one time to the next (modulo 256), and
-    ``flips`` how often just these bits of it flipped.
+    number, by the byte that it begins with, ``falls`` whether it ever became less. By byte and
+    value (0..255): ``seen`` is whether it was heard, ``deltas`` how often a byte changed by it from
+    one time to the next (modulo 256), and ``flips`` how often just these bits of it flipped.
     """
 
     series: Thinned
@@ -62,6 +62,7 @@ class SpanBytes:
     deltas: I64
     flips: I64
     ends: dict[str, tuple[I64, I64]] = field(default_factory=dict)
+    falls: dict[str, Mask] = field(default_factory=dict)
     last: I64 | None = None
 
     @classmethod
@@ -73,22 +74,24 @@ class SpanBytes:
     def add(self, t_ns: I64, said: I64) -> None:
         """Take rows of bytes."""
         self.series.add(t_ns, said)
+        if self.last is not None:
+            said = np.concatenate([self.last[None, :], said])
         for kind in KINDS:
             if TYPES[kind].itemsize <= said.shape[1]:
                 number = numbers(said, kind)
                 low, high = number.min(axis=0), number.max(axis=0)
                 least, most = self.ends.get(kind, (low, high))
                 self.ends[kind] = np.minimum(least, low), np.maximum(most, high)
+                falls = np.logical_or.reduce(np.diff(number, axis=0) < 0, axis=0)
+                self.falls[kind] = self.falls.get(kind, falls) | falls
         wide = said.astype(np.int64)
         places = np.arange(said.shape[1])
         self.seen[places, wide] = True
-        if self.last is not None:
-            wide = np.concatenate([self.last[None, :], wide])
         delta = np.diff(wide, axis=0) % 256
         at = np.broadcast_to(places, delta.shape)
         np.add.at(self.deltas, (at, delta), 1)
         np.add.at(self.flips, (at, wide[1:] ^ wide[:-1]), 1)
-        self.last = wide[-1]
+        self.last = said[-1].copy()
 
 
 def numbers(said: I64, kind: str) -> I64:

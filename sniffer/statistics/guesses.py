@@ -193,7 +193,7 @@ def _describe(guess: FieldGuess, t_ns: I64, raw: I64, heard: SpanBytes, k: int) 
         if len(values) <= FLAGS:
             guess.what = f"one of {', '.join(map(str, values.tolist()))}"
             _flags(guess, heard.flips[k])
-    steady = _with_time(t_ns, raw)
+    steady = None if heard.falls[guess.type][k] else _with_time(t_ns, raw)
     if steady is not None:
         guess.notes.append(f"counts with the time, {steady:.4g} a second")
 
@@ -214,9 +214,9 @@ def _flags(guess: FieldGuess, flips: I64) -> None:
 
 
 def _with_time(t_ns: I64, raw: I64) -> float | None:
-    """Return by how much a number grows in a second, if it does so steadily."""
+    """Return by how much a number that never falls grows in a second, if it does so steadily."""
     seconds = (t_ns - t_ns[0]) / NS
-    if seconds[-1] <= 0 or (np.diff(raw) < 0).any():
+    if seconds[-1] <= 0:
         return None
     r, slope, _ = _fit(seconds, raw.astype(np.float64))
     return slope if r is not None and r > 0.999 else None
