@@ -44,8 +44,9 @@ class _Serials:
     def __init__(self) -> None:
         self.found: dict[str, list[tuple[int, bytes]]] = {}
         """By bus: offset in the stream, and its bytes from there on without the number."""
-        self._asked: dict[str, bytes] = {}
-        """By bus: the last request, where it asks for a serial number, else nothing."""
+        self._asked: dict[tuple[str, str], bytes] = {}
+        """By bus and protocol (a wire may have two): the last request, where it asks for a serial
+        number, else nothing."""
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -70,8 +71,9 @@ class _Serials:
             batch.data[at : at + length] if asked else b""
             for at, length, asked in zip(starts, f.length[requests], asks, strict=True)
         )
-        said = [self._asked.get(bus, b""), *frames]
-        self._asked[bus] = said[-1]
+        whose = bus, protocol.name
+        said = [self._asked.get(whose, b""), *frames]
+        self._asked[whose] = said[-1]
 
         def behind(start: int) -> bytes:
             """Return the request for a serial number that bytes stand behind, or nothing."""
@@ -90,7 +92,7 @@ class _Serials:
                 told = without(batch.data[start : start + length], at, size, protocol)
                 found.append((batch.base + start, told))
         if found:
-            self.found.setdefault(bus, []).extend(sorted(found))
+            self.found.setdefault(bus, []).extend(found)
 
     def close(self) -> None:
         """Do nothing."""
@@ -161,7 +163,7 @@ def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Op
     began = first[0] if first else 0
 
     def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-        blanks = {bus: Blanks(found) for bus, found in serials.found.items()}
+        blanks = {bus: Blanks(sorted(found)) for bus, found in serials.found.items()}
         for group in groups:
             out = []
             for chunk in group:
