@@ -270,6 +270,23 @@ def test_a_bus_that_is_named_of_each_run_is_compared_with_the_other(
     assert within(capsys, *mixed, "--bus", "arm").status == 2
 
 
+@pytest.mark.parametrize("asked", [("--code", "noise"), ("--where", "reason = 'noise'")])
+def test_anomalies_and_gaps_alone_are_compared_by_how_often_they_are_told(
+    asked: tuple[str, str], tmp_path: Path, capsys: Capsys
+) -> None:
+    a, damaged = run(tmp_path / "a.log", 1, cycles=30), tmp_path / "b.log"
+    lines = run(tmp_path / "c.log", 2, cycles=30).read_text().splitlines()
+    noisy = [f"{line}5a5a" if k % 5 == 1 else line for k, line in enumerate(lines)]
+    damaged.write_text("\n".join(noisy) + "\n")
+    status, found = compared(capsys, a, damaged, *asked)
+    assert (status, found["tests"]) == (1, 1)
+    (told,) = found["differences"]
+    assert (told["name"], told["a"]) == ("noise", {"n": 180, "count": 0})
+    assert told["b"] == {"n": 180, "count": 36}
+    assert compared(capsys, damaged, damaged, *asked)[0] == 0
+    assert within(capsys, "diff", a, a, *asked).status == 2
+
+
 # --- the tests themselves, against what is counted one by one -----------------------------------
 
 SMALL = st.lists(st.integers(0, 6), min_size=8, max_size=12)

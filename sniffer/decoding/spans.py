@@ -89,8 +89,8 @@ class PieceRow:
     def _is_over(self, number: int, bus: str, span: Span) -> bool:
         """Tell whether nothing more of a bus can belong to a piece.
 
-        Marks without bytes may stand behind its end; a bus that has spoken its last is not waited for
-        while others go on: that would keep all of theirs.
+        Marks without bytes may stand behind its end; a bus that has spoken its last is not waited
+        for while others go on: that would keep all of theirs.
         """
         at, left = self._at[bus], self._of_bus[bus]
         is_last = number < len(self._pieces) - 1 and left[-1:] == [(number, span)]

@@ -165,7 +165,7 @@ def query(
         types = [str(column[1]) for column in result.description]
         if any(ZONED in kind for kind in types):
             result = connection.execute(_without_zones(sql, types))
-    worst = max(endings, key=lambda ending: ending.value)
+    worst = Ending.worst(endings)
     return Answer(columns, worst, tuple(summaries), result)
 
 

@@ -15,7 +15,7 @@ from sniffer.ground.files import writing
 from sniffer.ground.model import InputError, OutputError
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
-from sniffer.mcapfile.given import open_recording, refuse_directory
+from sniffer.mcapfile.given import open_recording, refuse_no_file
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.packing import ChunkContents
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
@@ -67,7 +67,7 @@ def recover(path: Path, out: Path) -> Recovered:
         InputError: there is nothing to recover.
         OutputError: ``out`` cannot be written, or is no file.
     """
-    refuse_directory(path)  # before ``out``, which may be the same
+    refuse_no_file(path)  # before ``out``, which may be the same
     if out.exists() and not out.is_file():
         what = "a directory" if out.is_dir() else "a device or a pipe"
         raise OutputError(f"{out} is {what}: give a file name")

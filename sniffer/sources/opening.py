@@ -18,6 +18,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
+from sniffer.ground.files import STDIN
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.pcapfile.layout import PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources.recognise import HEAD
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.ground.files import Stream
-
-STDIN: Final = "-"
 
 SPOOLED_AT_ONCE: Final = 1 << 20
 """Bytes that go to a temporary file at once."""

@@ -8,10 +8,10 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.files import STDIN
 from sniffer.ground.limits import TIME_LEAST_NS
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources import open_source
-from sniffer.sources.opening import STDIN
 from sniffer.sources.source import Source
 
 if TYPE_CHECKING:

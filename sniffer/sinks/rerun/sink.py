@@ -22,9 +22,10 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.colours import GREY, Colours
 from sniffer.ground.files import open_binary
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
+from sniffer.sinks.rerun.entities import ALARM, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
