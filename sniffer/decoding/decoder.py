@@ -313,9 +313,8 @@ class Decoder(Remembering):
         left = None
         if open_from is not None:
             rows = self._pairing.open_rows(frames, partner, open_from, block)
-            until_ns = max(self._stamps.last_ns, self._now_ns)  # what was silent since then is over
-            open_now = LeftOpen(self.protocol, frames, rows, open_from, until_ns)
-            left = open_now.cut(paired.transactions, self._base, len(block.data))
+            known = self.protocol, frames, rows, open_from, max(self.heard_ns, self._now_ns)
+            left = LeftOpen(*known).cut(paired.transactions, self._base, len(block.data))
         batch = Batch(
             base,
             bytes(self._buffer[:cut]),

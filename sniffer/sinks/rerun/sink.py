@@ -3,8 +3,7 @@
 Values become ``Scalars`` at ``/<bus>/servo/<id>/<register>``, whole columns at a time; enumerated
 registers and alarms become ``StateChange``, only where they change; anomalies become ``TextLog`` at
 ``/<bus>/anomalies``, incidents at ``/<bus>/incidents`` and at their servos. A packet without a
-value adds nothing, so no line drops to zero. rerun is imported when a sink is made, not before.
-Written for rerun-sdk 0.41.
+value adds nothing, so no line drops to zero. rerun (0.41) is imported when a sink is made.
 """
 
 from __future__ import annotations
