@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import random
 from typing import TYPE_CHECKING
 
 import pytest
 
 from sniffer.diagnosis.misread import of_peers
+from sniffer.ground.model import Direction
 from sniffer.ground.registers import RegisterMap, schema_path
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
@@ -333,3 +336,30 @@ def test_a_limp_joint_is_told_beside_who_speaks_into_bare_answers(
 ) -> None:
     d = suffering("wck", f"limp:2@2s {other}", 9.0)
     assert set(verdicts(d.incidents())) == {("torque-off", (2,)), told}
+
+
+def test_torque_that_was_switched_before_the_silences_has_outlived_them() -> None:
+    """A contact without a torn answer, late in a run whose setup wrote torque more than once."""
+    rng, until = random.Random(3), 0
+
+    def set_up(talk: Conversation, cycle: int) -> None:
+        if cycle < 200 and cycle % 20 == 0:
+            packet = bytes((0x02, 0x00, 0x24, 0x01, 0x01, 0x01))
+            checksum = functools.reduce(operator.xor, packet)
+            talk.say(b"\xfa\xaf" + packet + bytes((checksum,)), Direction.TX)
+            talk.rest(0.4)
+
+    def opens(talk: Conversation, cycle: int, servo: int) -> bool:
+        nonlocal until
+        if servo != 2 or cycle < 320 or cycle % 40 > 16:
+            return False
+        if cycle % 40 == 0:
+            until = cycle + rng.randint(3, 16)
+        if cycle >= until:
+            return False
+        talk.ask_in_vain(servo, 5)
+        return True
+
+    d = robot("rs30x", 16, before=set_up, instead=opens).diagnosed()
+    assert "torque-survives" in codes(d)
+    assert [cause for cause, _ in verdicts(d.incidents())] == ["bad-cable"]

@@ -44,21 +44,16 @@ def at_least(k: int, n: int, p: float) -> float:
     return min(math.exp(most) * sum(math.exp(x - most) for x in logs), 1.0)
 
 
-def so_even(spans: Sequence[float]) -> float:
-    """Return how likely the times between events that come at any time are so even, or more so.
+def so_alike(bounds: Sequence[tuple[float, float]]) -> float:
+    """Return how likely stretches that end at any time are all within the bounds that these have.
 
-    Moran's test: twice the log of what an even pace makes likelier has a chi-squared distribution
-    with one degree of freedom less than there are times; its lower tail is taken by the cube root
-    of Wilson and Hilferty.
+    Each is known to be between two: who is asked seldom is away for one turn or two, however long
+    that is, and that tells nothing. Any of them may be the one that the others are like.
     """
-    n = len(spans)
-    if n < 2 or min(spans) <= 0:
-        return 1.0
-    # all alike it is nothing, but for rounding
-    uneven = max(math.log(sum(spans) / n) - sum(map(math.log, spans)) / n, 0.0)
-    squares = 2 * n * uneven / (1 + (n + 1) / (6 * n)) / (n - 1)
-    part = 2 / (9 * (n - 1))
-    return 0.5 * math.erfc((1 - part - squares ** (1 / 3)) / math.sqrt(2 * part))
+    mean = max(sum(map(sum, bounds)) / 2 / len(bounds), 1e-9)
+    least, most = min(low for low, _ in bounds), max(high for _, high in bounds)
+    within = math.exp(-least / mean) - math.exp(-most / mean)
+    return min(len(bounds) * float(within ** (len(bounds) - 1)), 1.0)
 
 
 def sureness(chance: float, enough: float = 1e-6) -> float:
