@@ -180,6 +180,7 @@ WEIGHTS: Final = (
     ),
     *for_(
         "stall",
+        ("writes-part", -2.5, "it is told half a goal: it is where it was told to be"),
         ("joint-stalled", 4.0, "it pushes, far from its goal, and does not move"),
         ("device-blocked", 3.0, "it says that it cannot move"),
         ("stuck-before-alarm", 2.5, "it stood still under its goals when it complained"),
