@@ -46,7 +46,7 @@ FINDINGS: Final = (
         "away-alike",
         "pairing",
         "A servo is away for about as long each time.",
-        "At least four silences, all of which may have been of one length, half of it or twice as much; it counts as much as what ends at any time is seldom within the bounds that these have.",
+        "At least four silences, all of which may have been of one length, half of it or twice as much; it counts as much as what ends at any time is seldom so even.",
     ),
     FindingCode(
         "back-too-soon",
