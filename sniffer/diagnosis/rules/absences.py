@@ -52,7 +52,7 @@ FINDINGS: Final = (
         "torque-survives",
         "pairing",
         "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
-        "Its torque is off after power-on by the manual's default and was switched on less than half as often meanwhile as it was away: who does so after most of its silences keeps it on himself; its joint follows between the silences and behind them.",
+        "Its torque is off after power-on by the manual's default and was switched on less than half as often meanwhile as it was away: who does so after most of its silences keeps it on himself; its joint follows between the silences and behind them, and its torque is not stated as off.",
     ),
     FindingCode(
         "one-question-unanswered",
@@ -217,6 +217,9 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         )
         if writes > SWITCHED * len(runs) or moved < 2 * joint.far:
             continue
+        known = case.settings("torque_enable", servo_id=servo)
+        if ((known.after == 0) & (known.t_ns >= first) & (known.t_ns <= until)).any():
+            continue  # it is read, or switched, off meanwhile
         if any(a.last_ns > back and a.first_ns < until for a in joint.away):
             continue
         yield _told(
