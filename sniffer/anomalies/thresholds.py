@@ -21,7 +21,7 @@ from sniffer.ground.codes import WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NS
-from sniffer.protocols.base import shared_ids
+from sniffer.protocols.ids import shared_ids
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

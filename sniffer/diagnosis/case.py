@@ -19,6 +19,7 @@ from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.ground.units import word_of
+from sniffer.protocols.ids import leading_ids
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -244,12 +245,10 @@ class Case:
 
     @functools.cached_property
     def servos(self) -> tuple[int, ...]:
-        """Single servos that were asked, told a value or heard, in order.
-
-        Not an id that only leads packets which name servos inside, as 0 of an RS30x does.
-        """
-        met = np.unique([*self.answers["servo_id"], *self._values["servo_id"]])
-        return tuple(i for i in met.tolist() if i >= 0 and i not in self.everyone)
+        """Single servos that were asked, told something or heard, in order."""
+        met = np.unique([*self.traffic["servo_id"], *self._values["servo_id"]])
+        nobody = (*self.everyone, *leading_ids(self.protocol))
+        return tuple(i for i in met.tolist() if i >= 0 and i not in nobody)
 
     @functools.cached_property
     def everyone(self) -> tuple[int, ...]:

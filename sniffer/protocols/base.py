@@ -336,15 +336,6 @@ def ends_goal(protocol: Framing) -> Mapping[int, int]:
     return told
 
 
-def shared_ids(protocol: Framing) -> tuple[int, ...]:
-    """Return the ids under which no servo answers: -1, and those that address all.
-
-    Not 0: where it addresses all, as mightyZAP's does a servo that stands alone, servos have it
-    from the factory, too.
-    """
-    return -1, *(servo for servo in protocol.everyone if servo)
-
-
 def reply_delay_ns(protocol: Framing, register: Register, raw: int) -> int | None:
     """Return what a servo's delay register makes it wait, in ns; None: this register is none.
 

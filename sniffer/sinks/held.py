@@ -14,7 +14,7 @@ from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED
 from sniffer.ground.model import NS
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import plain, short
-from sniffer.protocols.base import shared_ids
+from sniffer.protocols.ids import shared_ids
 from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
 from sniffer.sinks.tabulated import Tabulated, number
 

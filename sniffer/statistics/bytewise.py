@@ -16,7 +16,7 @@ from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO, MALFORMED, UNKNOWN
 from sniffer.ground.register import TYPES
-from sniffer.protocols.base import shared_ids
+from sniffer.protocols.ids import shared_ids
 from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, UNS
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import ECHO, MS, MarkKind, Severity
-from sniffer.protocols.base import shared_ids
+from sniffer.protocols.ids import shared_ids
 from sniffer.statistics.figures import (
     BYTES,
     DRAWN,

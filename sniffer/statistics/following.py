@@ -14,7 +14,8 @@ import numpy as np
 from sniffer.anomalies.zero import ZeroId
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.model import ECHO, RESETS
-from sniffer.protocols.base import ends_goal, shared_ids
+from sniffer.protocols.base import ends_goal
+from sniffer.protocols.ids import shared_ids
 from sniffer.statistics.figures import GOAL, POSITION
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from sniffer.protocols.rs30x.grammar import (
     ACK,
     ACK_BYTE,
     EVERYONE,
+    LONG,
     LONG_WRITE,
     MODELS,
     NACK,
@@ -73,6 +74,7 @@ class Rs30x:
     reach = block.REACH
     tail_ns = 100_000_000  # many times the reply window; what takes longer (flash) is not answered
     everyone: tuple[int, ...] = (EVERYONE,)
+    leading: tuple[int, ...] = (LONG,)
     blank = b""
     ordered = False
     ends_goal = MappingProxyType({REBOOT: RESTARTS})

@@ -24,7 +24,8 @@ from sniffer.ground.codes import (
     WHOLE,
 )
 from sniffer.ground.model import F64, I16, I64, NS, RESETS, Batch, Mask, Severity
-from sniffer.protocols.base import ends_goal, shared_ids
+from sniffer.protocols.base import ends_goal
+from sniffer.protocols.ids import shared_ids
 from sniffer.viewers.board.registers import RegisterMemory
 
 if TYPE_CHECKING:
