@@ -188,4 +188,6 @@ def _coded(index: CaptureIndex, numbers: I64, named: Sequence[str]) -> Mask:
 
 
 def _is_run(numbers: I64) -> bool:
-    return len(numbers) > 0 and int(numbers[-1]) - int(numbers[0]) + 1 == len(numbers)
+    """Tell whether each number follows the one before: other halves of exchanges are no run."""
+    spans = len(numbers) > 0 and int(numbers[-1]) - int(numbers[0]) + 1 == len(numbers)
+    return spans and bool((np.diff(numbers) == 1).all())
