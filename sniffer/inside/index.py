@@ -8,7 +8,6 @@ Lines are in the order of time, of all buses together. One thread fills it; othe
 
 from __future__ import annotations
 
-import threading
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -52,13 +51,17 @@ class CaptureIndex:
         self.pages = Pages()
         self.bytes = 0
         self.has_clock = False
+        self.settled = 0
+        """Lines of which is known what became of them and what was found; ``lines`` may have more
+        by then."""
         self._lines = Growing(LINE)
         self._found = Growing(FOUND)
+        self._changed = Growing(np.int64)
+        self._lowest = 0
         self._waiting: list[tuple[int, int, Batch, Table]] = []
         self._boards: dict[int, Board] = {}
         self._op_of: dict[tuple[int, int], int] = {}
         self._op_names: dict[str, int] = {}
-        self._changed = threading.Event()
 
     @property
     def lines(self) -> Table:
@@ -69,6 +72,12 @@ class CaptureIndex:
     def found(self) -> Table:
         """The anomalies that are known by now."""
         return self._found.rows
+
+    @property
+    def changed(self) -> I64:
+        """From which line on each ``settle`` has changed lines or added some: only ever longer."""
+        rows: I64 = self._changed.rows
+        return rows
 
     def call(self, names: ServoNames) -> None:
         """Take what servos are called."""
@@ -101,6 +110,7 @@ class CaptureIndex:
         self.pages.close()
         self._lines.close()
         self._found.close()
+        self._changed.close()
 
     def settle(self) -> None:
         """Put the lines that wait in the order of time, and show them."""
@@ -114,7 +124,7 @@ class CaptureIndex:
             [np.maximum.accumulate(t["t"]) if len(t) else t["t"] for t in tables]
         )
         order = np.lexsort((every["at"], clock)) if len(waiting) > 1 else np.arange(len(every))
-        first = len(self._lines)
+        self._lowest = first = len(self._lines)
         place = np.empty(len(every), np.int64)
         place[order] = np.arange(first, first + len(every))
         self._lines.append(every[order])
@@ -127,7 +137,9 @@ class CaptureIndex:
             rows[table["row"][is_frame]] = mine[is_frame]
             self._pair(batch, number, rows)
             self._judge(batch, number, page)
-        self._changed.set()
+        # in this order: who judged a line before its finding came is told to judge it again
+        self._changed.append([self._lowest])
+        self.settled = len(self._lines)
 
     def line_at(self, bus: int, offset: I64 | int) -> I64:
         """Return the lines near the end that hold offsets of a bus, -1 where none does."""
@@ -197,6 +209,8 @@ class CaptureIndex:
             told = batch.asked(t.request[earlier])
             asked[earlier] = self.line_at(bus, told.start + batch.base)
         said = np.where(t.response >= 0, rows[np.maximum(t.response, 0)] if len(rows) else -1, -1)
+        self._touch(asked)
+        self._touch(said)
         lines = self._lines.rows
         both = (asked >= 0) & (said >= 0)
         lines["partner"][asked[both]], lines["partner"][said[both]] = said[both], asked[both]
@@ -224,6 +238,12 @@ class CaptureIndex:
         known = line >= 0
         lines = self._lines.rows
         np.maximum.at(lines["severity"], line[known], out["severity"][known])
+        self._touch(line)
+        self._touch(lines["partner"][line[known]])  # an exchange is shown by either half
+
+    def _touch(self, lines: I64) -> None:
+        """Note down that lines have changed; -1 is none."""
+        self._lowest = min(self._lowest, int(lines[lines >= 0].min(initial=self._lowest)))
 
     @staticmethod
     def _learn(board: Board, batch: Batch) -> None:
