@@ -127,7 +127,9 @@ def test_words_and_expressions_say_the_same(index: CaptureIndex) -> None:
         assert both[0] & frames <= both[1], words
 
 
-@pytest.mark.parametrize("text", ["servo=x", "foo=3", "((", "kind=nobody", "servo_id ="])
+@pytest.mark.parametrize(
+    "text", ["servo=x", "servo=²", "servo=256", "foo=3", "((", "kind=nobody", "servo_id ="]
+)
 def test_what_is_no_filter_is_told_in_a_line(text: str) -> None:
     with pytest.raises(InputError) as told:
         filter_of(text)
