@@ -209,6 +209,7 @@ def test_the_first_error_is_that_of_the_lines_shown(exchanges: bool, index: Capt
         ("99999", "behind the end"),
         ("@999999", "byte 999999 is not there: bus0 has 18442 so far"),
         ("#0", "behind the end"),
+        ("#" + "9" * 5000, "is no place in a capture"),
         ("over there", "is no place in a capture: write it like 10"),
         ("@anomaly:99999", "anomalies were found so far"),
         ("@clock-step", "none was found so far"),

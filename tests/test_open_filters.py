@@ -8,19 +8,24 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.decoding.called import Named, ServoNames
 from sniffer.decoding.options import Options
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.runs import ChunkRun
 from sniffer.inside.app import LookingGlass
-from sniffer.inside.filters import filter_of
+from sniffer.inside.filters import completions, filter_of
 from sniffer.inside.index import CaptureIndex
+from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
+from sniffer.inside.selecting import SelectionFilter
 from sniffer.inside.view import LineView
 from sniffer.sources import open_source
+from tests.test_mixed import heard
 from tests.test_open import DAMAGED, judged
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     import pytest
 
@@ -109,4 +114,35 @@ def test_the_cursor_stays_on_its_line_when_one_before_it_is_shown_later() -> Non
             assert (app.list.cursor, app.list.line) == (9, line)
 
     asyncio.run(steps())
+    index.discard()
+
+
+def test_a_bus_of_two_protocols_is_known_by_its_own_name(tmp_path: Path) -> None:
+    path = tmp_path / "two.bin"
+    first, second = heard("mightyzap"), heard("rs30x")
+    path.write_bytes(first + second + first)
+    index = CaptureIndex()
+    told: dict[Named, str] = {("bus0", 1): "knee"}
+    options, names = Options(protocol="mightyzap+rs30x", names=told), ServoNames(told)
+    reading = Reading(open_source(path), options, index)
+    reading.start()
+    reading.wait()
+    assert index.buses == ["bus0.mightyzap", "bus0.rs30x"]
+    every = len(index.lines)
+    for text, count in (
+        ("bus = 'bus0'", every),
+        ("bus=bus0", every),
+        ("bus=bus0.rs30x", int((index.lines["bus"] == 1).sum())),
+    ):
+        assert judged(view_of(index, text)).count == count, text
+    assert 0 < count < every
+    assert {"bus0", "bus0.rs30x"} <= set(completions(index)["bus"])
+    knee = LineView(index)
+    knee.choose(SelectionFilter("servo_name = 'knee'", names), exchanges=False)
+    one = set(np.flatnonzero(index.lines["servo"] == 1).tolist())
+    assert one < set(judged(knee).shown().tolist()) < set(range(every))
+    for at in (0, len(first), len(first) + len(second)):
+        lines = {line_of(place, index) for place in (f"@byte:bus0:{at}", f"@byte:bus0.rs30x:{at}")}
+        lines |= {line_of(f"@{at}", index, bus) for bus in (None, 0, 1)}
+        assert [index.lines["at"][line] for line in lines] == [at]
     index.discard()

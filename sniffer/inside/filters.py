@@ -110,7 +110,7 @@ def completions(index: CaptureIndex) -> dict[str, list[str]]:
         "kind": list(KIND_NAMES),
         "op": sorted(index.ops),
         "code": [CODES[c] for c in codes.tolist()],
-        "bus": list(index.buses),
+        "bus": list(dict.fromkeys([*index.wires, *index.buses])),
         "outcome": list(OUTCOMES),
         "severity": list(SEVERITIES),
     }
@@ -176,7 +176,7 @@ def _wanted(index: CaptureIndex, word: FilterWord) -> tuple[str, list[int]]:
         case "severity":
             return "severity", [n + 1 for n in _numbers(SEVERITIES, word.named)]
         case "bus":
-            return "bus", _numbers(index.buses, word.named)
+            return "bus", _numbers(index.buses, word.named) + _numbers(index.wires, word.named)
         case _:
             return "op", _numbers(index.ops, word.named)
 

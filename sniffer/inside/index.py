@@ -38,14 +38,15 @@ _SEVERITIES: Final = np.array(SEVERITY, np.uint8) + 1
 class CaptureIndex:
     """Takes batches; ``settle`` shows what has come since.
 
-    ``buses`` are the names of buses (with the protocol, where two share one), ``ops`` the commands
-    met, ``protocols`` the protocol of each bus.
+    ``buses`` are the names of buses (with the protocol, where two share one), ``wires`` those that
+    they have elsewhere, ``ops`` the commands met, ``protocols`` the protocol of each bus.
     """
 
     def __init__(self) -> None:
         self.names = ServoNames()
         """What servos are called."""
         self.buses: list[str] = []
+        self.wires: list[str] = []
         self.protocols: list[BusProtocol] = []
         self.ops: list[str] = []
         self.pages = Pages()
@@ -89,7 +90,7 @@ class CaptureIndex:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Put a batch away; its lines wait for ``settle``."""
-        number = self._bus(bus_of(bus, protocol, batch), protocol)
+        number = self._bus(bus_of(bus, protocol, batch), bus, protocol)
         self.has_clock |= bool(batch.clock)
         board = self._boards.setdefault(number, {})
         page = self.pages.put(Page(number, protocol, batch, board))
@@ -152,9 +153,10 @@ class CaptureIndex:
         k = np.searchsorted(tail["at"][mine], wanted, "right") - 1
         return np.where(k >= 0, mine[np.maximum(k, 0)] + first, -1)
 
-    def _bus(self, name: str, protocol: BusProtocol) -> int:
+    def _bus(self, name: str, wire: str, protocol: BusProtocol) -> int:
         if name not in self.buses:
             self.protocols.append(protocol)
+            self.wires.append(wire)
             self.buses.append(name)
         return self.buses.index(name)
 
