@@ -135,6 +135,11 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
         (["recover", "x.mcap", "-o", "x.jsonl"], "a recording's name ends in .mcap"),
         (["recover", "missing.mcap"], "there is no such file"),
         (["recover", "/"], "is a directory: give the recording in it"),
+        (["recover", "-"], "this needs a file: save standard input first"),
+        (["layout", "-"], "this needs a file: save standard input first"),
+        (["replay", "--redecode", "-"], "this needs a file: save standard input first"),
+        (["simulate", "dxl"], "Invalid value for 'PROTOCOL': 'dxl' is not one of 'mightyzap'"),
+        (["decode", "x", "--name", "/"], "that can be read (Is a directory)"),
         (["recover", __file__], "`sniffer decode` reads other captures"),
         (
             ["explain", "12175"],

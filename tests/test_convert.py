@@ -250,6 +250,28 @@ def test_a_capture_without_names_tells_nobody_whose_it_is(tmp_path: Path, capsys
             assert name not in content, (out, name)
 
 
+@pytest.mark.parametrize(
+    ("torn", "shown"),
+    [
+        (b"*5QN87654321", b"*5QN00000000"),
+        (b"*5QN876\xb54321\r", b"*5QN000\xb50000\r"),
+        (b"*5Q.87654321\r", b"*0Q.00000000\r"),
+        (b"*5QD87654321\r", b"*5QD00000000\r"),
+        (b"87654321\r", b"00000000\r"),
+    ],
+)
+def test_a_serial_number_in_a_torn_answer_is_left_out(
+    torn: bytes, shown: bytes, tmp_path: Path, capsys: Capsys
+) -> None:
+    said = [b"#5QD\r", b"*5QD987\r", b"#5QN\r", torn, b"#5QD\r", b"*5QD987\r"] * 2
+    told = [Chunk(data, T0 + n * 20_000_000, Clock.READ, "bus0") for n, data in enumerate(said)]
+    source = recording(tmp_path / "in.mcap", told, **{"baud.bus0": "115200"})
+    out = tmp_path / "out.mcap"
+    asked = ("--protocol", "lss", "--anonymise")
+    assert within(capsys, "convert", source, out, *asked).status == 0
+    assert b"".join(c.data for c in chunks(out)) == b"".join(said).replace(torn, shown)
+
+
 def test_a_serial_number_under_a_checksum_is_left_out_and_the_frame_holds() -> None:
     from sniffer.jobs.anonymous import without
 

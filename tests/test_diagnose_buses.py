@@ -22,7 +22,7 @@ def heard(name: str, protocol: str, *faults: str, seed: int = 1, seconds: float 
     """Return the lines of a log that a bus has, with its faults."""
     struck = [read_fault(fault) for fault in faults]
     frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
-    return candump(frame_reads(frames)).replace(" bus0 ", f" {name} ").splitlines()
+    return candump(frame_reads(frames), name).splitlines()
 
 
 def robot(path: Path, **buses: tuple[str, ...]) -> Path:

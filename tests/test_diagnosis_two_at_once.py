@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.misread import of_peers
+from sniffer.ground.model import Direction
 from sniffer.ground.registers import RegisterMap, schema_path
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.servos import lss, suffering
-from tests.streams import wck
+from tests.streams import rs30x, wck
 from tests.test_diagnosis_beside import torn_read
 from tests.test_diagnosis_tap import holes, one_wire
 
@@ -333,3 +334,45 @@ def test_a_limp_joint_is_told_beside_who_speaks_into_bare_answers(
 ) -> None:
     d = suffering("wck", f"limp:2@2s {other}", 9.0)
     assert set(verdicts(d.incidents())) == {("torque-off", (2,)), told}
+
+
+def contact_with_torque(*, reads_off: bool) -> frozenset[str]:
+    """Return what is found of a contact without a torn answer, late in a run that wrote torque.
+
+    ``reads_off``: between the silences the servo says once that its torque is off.
+    """
+    rng, until = random.Random(3), 0
+
+    def beside(talk: Conversation, cycle: int) -> None:
+        if cycle < 200 and cycle % 20 == 0:
+            talk.say(rs30x.write(2, 0x24, b"\x01"), Direction.TX)
+            talk.rest(0.4)
+        if cycle == 390 and reads_off:
+            talk.say(rs30x.packet(2, 0x0F, 0x24, 1, 0), Direction.TX)
+            talk.rest(0.3)
+            talk.say(rs30x.returned(2, 0x24, b"\x00"), Direction.RX)
+            talk.rest(0.4)
+
+    def opens(talk: Conversation, cycle: int, servo: int) -> bool:
+        nonlocal until
+        if servo != 2 or cycle < 320 or cycle % 40 > 16:
+            return False
+        if cycle % 40 == 0:
+            until = cycle + rng.randint(3, 16)
+        if cycle >= until:
+            return False
+        talk.ask_in_vain(servo, 5)
+        return True
+
+    d = robot("rs30x", 16, before=beside, instead=opens).diagnosed()
+    return frozenset(codes(d)) | {cause for cause, _ in verdicts(d.incidents())}
+
+
+def test_torque_that_was_switched_before_the_silences_has_outlived_them() -> None:
+    told = contact_with_torque(reads_off=False)
+    assert {"torque-survives", "bad-cable"} <= told
+    assert "servo-reset-loop" not in told
+
+
+def test_torque_that_is_read_as_off_has_not() -> None:
+    assert "torque-survives" not in contact_with_torque(reads_off=True)

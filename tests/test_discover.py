@@ -120,6 +120,27 @@ def test_noise_goes_with_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert "together" not in line
 
 
+def test_what_was_heard_once_of_many_readings_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines: list[str] = []
+    for k in range(2 * KEPT):
+        once = k == KEPT + 1  # of so many readings only those with an even number are kept
+        word = 5000 if once else 1000 + round(300 * np.sin(k / 50))
+        said = word.to_bytes(2, "little") + bytes([0x80 if once else k // 9 % 2, 0])
+        said += (0 if once else 200 + 3 * k).to_bytes(2, "big")
+        for data in (packet(1, 0xF2, bytes([FREE, len(said)])), packet(1, 0, said)):
+            lines.append(f"({1 + len(lines) * 3e-3:.6f}) bus0 #{data.hex()}\n")
+    log = tmp_path / "a.log"
+    log.write_text("".join(lines), encoding="ascii")
+    told = lines_of(within(capsys, "discover", log))
+    assert "700..5000" in told["0xA0"]
+    assert "one of 0, 1, 128" in told["0xA2"]
+    assert "bits that change: 0, 7" in told["0xA2"]
+    assert "0..24773" in told["0xA4"]
+    assert "counts with the time" not in told["0xA4"]
+
+
 def test_a_protocol_without_addresses_is_told_in_a_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import zlib
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Final
@@ -15,7 +16,7 @@ from sniffer.sources import open_source
 from sniffer.sources.opening import File, Pipe
 from sniffer.sources.packed import RATIO_MOST, SMALL, unpacked
 from sniffer.sources.recognise import HEAD
-from tests.commands import sniffer
+from tests.commands import sniffer, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -83,6 +84,22 @@ def test_a_packed_file_that_is_cut_off_is_read_as_far_as_it_goes(
     assert "is cut off" in ran.err
     assert "in 0 frames" not in ran.out
     assert "frames" in ran.out
+
+
+def test_a_packed_recording_that_is_cut_off_is_read_as_far_as_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is read here and there, so it is unpacked first: nothing was left of it."""
+    recording, plain = tmp_path / "a.mcap", tmp_path / "plain.mcap"
+    within(capsys, "convert", CAPTURE, recording, "--quiet")
+    packed = gzip.compress(recording.read_bytes())[:40_000]
+    plain.write_bytes(zlib.decompressobj(wbits=31).decompress(packed))
+    cut = tmp_path / "cut.mcap.gz"
+    cut.write_bytes(packed)
+    whole, ran = (within(capsys, "decode", path, "--format", "jsonl") for path in (plain, cut))
+    assert ran.status == 0
+    assert ran.out == whole.out != ""
+    assert "cut recording" in ran.err
 
 
 @pytest.mark.parametrize("pack", PACKINGS.values(), ids=PACKINGS)

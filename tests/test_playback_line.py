@@ -265,6 +265,18 @@ def test_what_is_no_pseudo_terminal_is_refused_whatever_it_is_called(
     assert ran.complaint == f"{link} is no serial port: name one, as /dev/ttyUSB0"
 
 
+@LINUX_ONLY
+def test_a_port_that_is_refused_replaces_no_file(tmp_path: Path, capsys: Capsys) -> None:
+    path, keep = tmp_path / "x.log", tmp_path / "keep.log"
+    path.write_text(log(talk(1)))
+    keep.write_text("mine")
+    arguments = ("replay", path, "--to", "/dev/null", "--as", "controller", "-o")
+    assert within(capsys, *arguments, keep, "--force").status == 2
+    assert keep.read_text() == "mine"
+    assert within(capsys, *arguments, tmp_path / "new.log").status == 2
+    assert not (tmp_path / "new.log").exists()
+
+
 REFUSED: Final = {
     "no port": (("--as", "servos"), "--as goes with a port to play on"),
     "rerun": (("--to", "pty", "--rerun"), "--to PORT plays, --rerun shows"),

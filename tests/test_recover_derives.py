@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 import re
+import threading
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +16,8 @@ import sniffer
 from bench.survives import KINDS, Victim, kill
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.model import Chunk, DamagedInputError, InputError, OutputError
+from sniffer.mcapfile import recover as recovering
 from sniffer.mcapfile import tail
 from sniffer.mcapfile.joints import RosJoint, joints_in
 from sniffer.mcapfile.recover import recover
@@ -236,3 +239,29 @@ def test_of_two_protocols_on_one_wire_a_mended_recording_names_both(tmp_path: Pa
     found = derived(path)
     assert {topic.split("/")[1] for topic in found} == {"b0.lss", "b0.mightyzap"}
     assert found == derived(anew(path, tmp_path / "anew.mcap"))
+
+
+def test_a_recording_that_is_still_written_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its recorder went on in a file that had no name any more: bytes were in neither."""
+    monkeypatch.setattr(recovering, "STILL_S", 0.5)
+    path = tmp_path / "run.mcap"
+    sink = McapSink(path, {}, live=True)
+    sink.raw("bus0", [Chunk(b"\xff\xff\xff\x01\x02\xf1\x0b", 1_000_000_000)])
+    sink.flush()
+
+    def go_on() -> None:
+        time.sleep(recovering.STILL_S / 2)
+        with path.open("ab") as file:
+            file.write(bytes(9))
+
+    writer = threading.Thread(target=go_on)
+    writer.start()
+    before = path.stat().st_ino
+    with pytest.raises(OutputError, match="is being written: end its recorder first"):
+        recover(path, path)
+    writer.join()
+    assert path.stat().st_ino == before
+    assert recover(path, tmp_path / "other.mcap").messages
+    sink.close()

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 import sniffer
+from sniffer.decoding.spans import PieceRow, Span
+from sniffer.ground.model import Chunk
 from sniffer.mcapfile.source import session
 from tests.commands import within
 
@@ -48,6 +50,18 @@ def test_pieces_by_time_say_together_what_the_whole_says(tmp_path: Path, capsys:
     whole = told(capsys, LOG)
     assert len(whole) > 1400
     assert sorted(map(str, told(capsys, *pieces))) == sorted(map(str, whole))
+
+
+def test_who_is_known_to_have_been_silent_at_the_end_of_a_piece_did_not_answer(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """227 ms were silent behind a request that is due within 100, and it was told as cut off."""
+    source = LOG.with_name("lss_damaged.log")
+    within(capsys, "cut", source, "--split", "300ms", "-o", tmp_path / "part.mcap")
+    whole, pieces = told(capsys, source), told(capsys, *sorted(tmp_path.glob("part-*.mcap")))
+    missing = [[row for row in rows if row[0] == "no-response"] for rows in (whole, pieces)]
+    assert len(missing[0]) == 8
+    assert sorted(map(str, missing[1])) == sorted(map(str, missing[0]))
 
 
 def test_a_piece_knows_of_what_it_is_one_and_from_when_to_when(tmp_path: Path) -> None:
@@ -93,6 +107,37 @@ def test_buses_whose_names_make_one_name_of_a_file_have_files_of_their_own(
 def test_pieces_that_are_handed_on_do_not_name_the_bus(robot: Path, tmp_path: Path) -> None:
     done = sniffer.split(robot, [tmp_path / "x.log"], None, anonymise=True)
     assert [piece.files[0].name for piece in done] == ["x-bus0.log", "x-bus1.log"]
+
+
+def test_a_bus_has_one_name_in_all_pieces_that_are_handed_on(robot: Path, tmp_path: Path) -> None:
+    """Each was named by who speaks first in it."""
+    lines = robot.read_text().splitlines()
+    late = next(n for n, line in enumerate(lines) if float(line[1:17]) > 1795215306.5)
+    lines[late:] = [line for line in lines[late:] if " arm " not in line]
+    robot.write_text("\n".join(lines) + "\n")
+    sniffer.split(robot, [tmp_path / "x.log"], 500_000_000, anonymise=True)
+    buses = [
+        {line.split()[1] for line in path.read_text().splitlines()}
+        for path in sorted(tmp_path.glob("x-*.log"))
+    ]
+    assert buses[0] == {"bus0", "bus1"}
+    assert buses[1] == {"bus1"}
+
+
+def test_a_bus_that_falls_silent_does_not_keep_what_others_say_later(tmp_path: Path) -> None:
+    spans = [{"arm": Span(0, 2, None), "leg": Span(0, 9, 1)}, {"leg": Span(9, 900, None)}]
+    said = [[Chunk(b"ab", 1, bus="arm")], *([Chunk(bytes(9), n, bus="leg")] for n in range(100))]
+    groups = iter(said)
+    row = PieceRow(groups, spans, {"arm": 1, "leg": 1})
+    first = [chunk for group in row.piece(0) for chunk in group]
+    assert b"".join(c.data for c in first if c.bus == "leg") == bytes(9)
+    assert len(list(groups)) > 90, "the rest of leg was read, and kept, to hear of arm"
+
+
+@pytest.mark.parametrize("every_ns", [0, -1])
+def test_a_piece_without_a_length_is_refused(every_ns: int, tmp_path: Path) -> None:
+    with pytest.raises(sniffer.SnifferError, match="1 ns at least"):
+        sniffer.split(LOG, [tmp_path / "x.log"], every_ns)
 
 
 def test_nothing_is_written_where_one_of_the_pieces_is_there_already(

@@ -22,6 +22,7 @@ from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import wrote
 from sniffer.decoding.options import Options
 from sniffer.ground.amounts import time_in
+from sniffer.ground.files import files_of
 from sniffer.jobs.cut import cut as cut_out
 from sniffer.jobs.split import split
 from sniffer.jobs.telling import Teller
@@ -108,7 +109,8 @@ def cut(
                 patience=patience,
                 tell=tell,
             )
-        tell.talk(wrote([file for piece in pieces for file in piece.files]))
+        made = [file for piece in pieces for path in piece.files for file in files_of(path)]
+        tell.talk(wrote(made))
         return max(status_of(piece.done.ending, is_lost=bool(piece.done.gone)) for piece in pieces)
     if not (window.is_part or buses):
         raise click.UsageError("say which part: --from, --to or both, --bus, or --split")

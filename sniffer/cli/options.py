@@ -234,7 +234,11 @@ class ProtocolName(_Name):
             if not is_known(named):
                 known = (*self._beside, *PROTOCOLS)
                 listed = ", ".join(map(repr, known))
-                self.fail(f"{named!r} is not one of {listed}{nearly(named, known)}", param, ctx)
+                told = f"{named!r} is not one of {listed}{nearly(named, known)}"
+                if param is None or param.param_type_name != "argument":
+                    self.fail(told, param, ctx)
+                # its metavar has all names once more
+                raise click.BadParameter(told, ctx, param_hint=f"'{param.human_readable_name}'")
             protocols_named(named)
         return named
 

@@ -85,8 +85,9 @@ def _table_of_names(path: str) -> dict[str, Any]:
         with Path(path).open("rb") as file:
             told = tomllib.load(file).get("names")
     except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
         raise click.BadParameter(
-            f"{path[:60]!r} is neither ID=NAME nor a TOML file that can be read ({error})"
+            f"{path[:60]!r} is neither ID=NAME nor a TOML file that can be read ({why})"
         ) from None
     if not isinstance(told, dict):
         raise click.BadParameter(f'{path[:60]}: it has no table [names] with lines 3 = "knee"')

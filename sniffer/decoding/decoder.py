@@ -313,8 +313,8 @@ class Decoder(Remembering):
         left = None
         if open_from is not None:
             rows = self._pairing.open_rows(frames, partner, open_from, block)
-            open_now = LeftOpen(self.protocol, frames, rows, open_from, self._stamps.last_ns)
-            left = open_now.cut(paired.transactions, self._base, len(block.data))
+            known = self.protocol, frames, rows, open_from, max(self.heard_ns, self._now_ns)
+            left = LeftOpen(*known).cut(paired.transactions, self._base, len(block.data))
         batch = Batch(
             base,
             bytes(self._buffer[:cut]),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class LeftOpen(NamedTuple):
     """Requests that bytes from ``decided`` on may still answer: ``rows`` of the frames.
 
-    ``last_ns`` is the latest stamp.
+    ``last_ns`` is the latest moment that is known of: a stamp, or that nothing was said until then.
     """
 
     protocol: BusProtocol

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from sniffer.ground.model import Batch, OutputError
+from sniffer.ground.model import Batch, InputError, OutputError
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
@@ -119,12 +119,13 @@ def act(what: Callable[[Sink], None], sink: Sink) -> None:
     """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
 
     Raises:
+        InputError: it can do nothing with what is decoded.
         OutputError: it failed.
         BrokenPipeError: nobody reads what it writes.
     """
     try:
         what(sink)
-    except (OutputError, BrokenPipeError):
+    except (InputError, OutputError, BrokenPipeError):
         raise
     except Exception as error:
         why = f"{type(error).__name__}: {error}"[:200]

@@ -71,7 +71,7 @@ class PieceRow:
             out, self._kept[number] = self._kept[number], []
             if out:
                 yield out
-            if all(self._at[bus] > span.end for bus, span in spans.items()):
+            if all(self._is_over(number, bus, span) for bus, span in spans.items()):
                 break
             if (group := next(self._groups, None)) is None:
                 break
@@ -85,6 +85,16 @@ class PieceRow:
         ]
         if over:
             yield over
+
+    def _is_over(self, number: int, bus: str, span: Span) -> bool:
+        """Tell whether nothing more of a bus can belong to a piece.
+
+        Marks without bytes may stand behind its end; a bus that has spoken its last is not waited
+        for while others go on: that would keep all of theirs.
+        """
+        at, left = self._at[bus], self._of_bus[bus]
+        is_last = number < len(self._pieces) - 1 and left[-1:] == [(number, span)]
+        return at > span.end or (is_last and at == span.end)
 
     def _take(self, group: Sequence[Chunk]) -> None:
         for chunk in group:

@@ -44,14 +44,18 @@ def at_least(k: int, n: int, p: float) -> float:
     return min(math.exp(most) * sum(math.exp(x - most) for x in logs), 1.0)
 
 
-def so_even(spans: Sequence[float]) -> float:
-    """Return how likely the times between events that come at any time are so even, or more so.
+def so_alike(bounds: Sequence[tuple[float, float]]) -> float:
+    """Return how likely stretches that end at any time are so even, or more so.
 
-    Moran's test: twice the log of what an even pace makes likelier has a chi-squared distribution
-    with one degree of freedom less than there are times; its lower tail is taken by the cube root
-    of Wilson and Hilferty.
+    Each is known to be between two bounds: who is asked seldom is away for one turn or two, however
+    long that is, and that tells nothing. The short ones are taken for as short as they may be, and
+    the long ones for as long. Moran's test: twice the log of what an even pace makes likelier has a
+    chi-squared distribution with a degree of freedom less than there are stretches. Its lower tail
+    is taken by the cube root of Wilson and Hilferty.
     """
-    n = len(spans)
+    n, middle = len(bounds), len(bounds) // 2
+    known = sorted(bounds, key=sum)
+    spans = [low for low, _ in known[:middle]] + [high for _, high in known[middle:]]
     if n < 2 or min(spans) <= 0:
         return 1.0
     # all alike it is nothing, but for rounding

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK
+from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +23,12 @@ LEAST: Final = 3
 KEPT: Final = 500
 """Of each servo the first so many, and the last one."""
 
+ABOUT: Final = 2.0
+"""A servo that starts anew is away for about as long each time: half as long, or twice."""
+
+IDS: Final = 257
+"""Whatever a byte may hold, and no id at all."""
+
 TORN: Final = 4
 """Of so many requests that had no answer one may seem to have a torn one: what noise leaves behind
 a request to a dead servo is no answer."""
@@ -30,7 +37,8 @@ a request to a dead servo is no answer."""
 class Silence(NamedTuple):
     """One stretch: the first request that had no answer, how many had none, when one came again.
 
-    ``back_ns`` is None where none did until the end.
+    ``back_ns`` is None where none did until the end. ``before_ns`` is the last request before it
+    that had an answer, ``last_ns`` the last one in it that had none.
     """
 
     first_ns: int
@@ -38,11 +46,22 @@ class Silence(NamedTuple):
     length: int
     missed: int
     back_ns: int | None
+    before_ns: int
+    last_ns: int
 
     @property
     def lasted_ns(self) -> int:
         """How long it was until an answer came again; 0 where none did."""
         return 0 if self.back_ns is None else self.back_ns - self.first_ns
+
+    @property
+    def bounds_ns(self) -> tuple[int, int]:
+        """How long the servo was away at least and at most.
+
+        It missed the first request and the last one, and had the one before and the one behind.
+        """
+        most = 0 if self.back_ns is None else self.back_ns - self.before_ns
+        return self.last_ns - self.first_ns, most
 
 
 class Silences:
@@ -60,6 +79,8 @@ class Silences:
         """What had no answer since the last sound one, torn ones between them or not."""
         self._torn: dict[int, int] = {}
         """How many torn ones are between them."""
+        self._had: I64 = np.full(IDS, -NEVER_NS, np.int64)
+        """The last request to each servo that was not left without an answer."""
         self.heard: set[int] = set()
         """Servos that answered at least once."""
 
@@ -75,8 +96,6 @@ class Silences:
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
-        if not missed.any() and not self._open and not self._since:
-            return
         for who in sorted({*np.unique(servo[missed]).tolist(), *self._open, *self._since}):
             mine = np.flatnonzero(servo == who)
             if len(mine):
@@ -85,6 +104,7 @@ class Silences:
                     self._last(who, batch.base, frames, rows[mine], missed[mine], ok)
                 first = 0 if who in before else int(ok[0]) if len(ok) else len(mine)
                 self._follow(who, batch.base, frames, rows[mine], missed[mine], first)
+        self._had[servo[~missed]] = frames.t_start[rows[~missed]]
 
     def _last(self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, ok: I64) -> None:
         """Follow what a servo leaves unanswered behind its last sound answer."""
@@ -113,13 +133,15 @@ class Silences:
         for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             row = rows[a]
             count = b - a
-            if who in self._open:
-                one = self._open[who]
-                self._open[who] = one._replace(missed=one.missed + count)
-            else:
-                self._open[who] = _silence(base, frames, int(row), count)
+            if who not in self._open:
+                known_ns = int(frames.t_start[rows[a - 1]] if a else self._had[who])
+                one = _silence(base, frames, int(row), 0)
+                self._open[who] = one._replace(before_ns=min(known_ns, one.first_ns))
                 if a < heard:
                     self._unheard.add(who)
+            one = self._open[who]
+            last_ns = int(frames.t_start[rows[b - 1]])
+            self._open[who] = one._replace(missed=one.missed + count, last_ns=last_ns)
             if b < n:
                 self._close(who, int(frames.t_start[rows[b]]))
 
@@ -172,12 +194,22 @@ class Silences:
         return tuple(self._lengths.get(servo_id, (0,) * LEAST))
 
 
+def of_one_length(some: Sequence[Silence], slack_ns: int) -> Mask:
+    """Tell which silences may all have been of one length, as many as possible.
+
+    ``slack_ns`` is how late the host may stamp either end of them.
+    """
+    least, most = np.array([s.bounds_ns for s in some], np.float64).T
+    low, high = (least - slack_ns) / ABOUT, (most + slack_ns) * ABOUT
+    # as many hold at the lower bound of one of them as anywhere
+    holds = (low <= low[:, None]) & (low[:, None] <= high)
+    best: Mask = holds[int(holds.sum(axis=1).argmax())]
+    return best
+
+
 def _silence(base: int, frames: Frames, row: int, missed: int) -> Silence:
     """Return a stretch that begins with the request in a row of a batch."""
+    t_ns = int(frames.t_start[row])
     return Silence(
-        int(frames.t_start[row]),
-        int(frames.start[row]) + base,
-        int(frames.length[row]),
-        missed,
-        None,
+        t_ns, int(frames.start[row]) + base, int(frames.length[row]), missed, None, t_ns, t_ns
     )

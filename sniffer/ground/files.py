@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
+STDIN: Final = "-"
+"""What is given in place of a file for what comes on standard input."""
+
 TABLES: Final = frozenset({".csv", ".parquet"})
 """Suffixes of outputs that are two files."""
 

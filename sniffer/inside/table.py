@@ -13,7 +13,8 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from sniffer.inside.words import DELTA, TIMES, LineWords, line_words, since, time_of_day
+from sniffer.ground.moments import of_day
+from sniffer.inside.words import DELTA, TIMES, LineWords, line_words, since
 from sniffer.sinks.words import fit
 
 if TYPE_CHECKING:
@@ -206,7 +207,7 @@ class FrameList(ScrollView, can_focus=True):
             return since(words.t_ns - first)
         if not self.view.index.has_clock:
             return since(words.t_ns)
-        return time_of_day(words.t_ns, 6 if self.size.width >= WIDE else 3)
+        return of_day(words.t_ns, 6 if self.size.width >= WIDE else 3)
 
     def _has_names(self, width: int) -> bool:
         """Tell whether names stand in place of the bus: a narrow terminal has no room for both."""

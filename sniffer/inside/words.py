@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -142,12 +141,6 @@ def worst_codes(index: CaptureIndex, numbers: I64) -> dict[int, str]:
     order = np.lexsort((-np.arange(len(mine)), mine["severity"]))
     lines, codes = mine["line"][order].tolist(), mine["code"][order].tolist()
     return {line: CODES[code] for line, code in zip(lines, codes, strict=True)}
-
-
-def time_of_day(t_ns: int, digits: int = 3) -> str:
-    """Return a time as people read it, UTC."""
-    moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-    return f"{moment:%H:%M:%S}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
 
 def since(ns: int) -> str:

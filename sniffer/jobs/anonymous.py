@@ -6,9 +6,12 @@ import contextlib
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, TypeVar
 
+import numpy as np
+
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import ALARM, SINCE
 from sniffer.decoding.pipeline import Pipeline
+from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import DamagedInputError
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -40,28 +43,76 @@ class _Serials:
 
     def __init__(self) -> None:
         self.found: dict[str, list[tuple[int, bytes]]] = {}
-        """By bus: offset of a frame in the stream, and the frame without the number."""
+        """By bus: offset in the stream, and its bytes from there on without the number."""
+        self._asked: dict[tuple[str, str], bytes] = {}
+        """By bus and protocol (a wire may have two): the last request, where it asks for a serial
+        number, else nothing."""
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Look for frames that state a serial number."""
+        """Look for frames that state a serial number, and for what stands behind its request."""
         f, v = batch.frames, batch.values
-        named = {k for k, r in enumerate(protocol.registers) if r.name.endswith(SERIAL)}
-        rows = {int(row) for row, k in zip(v.row, v.register, strict=True) if int(k) in named}
-        ops = {op for op in set(f.op.tolist()) if protocol.op_name(op).endswith(SERIAL)}
-        rows |= {row for row, op in enumerate(f.op.tolist()) if op in ops}
-        for row in sorted(rows):
+        named = [k for k, r in enumerate(protocol.registers) if r.name.endswith(SERIAL)]
+        registers = [protocol.registers[k] for k in named]
+        places = [r.address for r in registers]
+        words = {word for r in registers for word in (r.word, *r.queries)}
+        called = {op: protocol.op_name(op) for op in np.unique(f.op).tolist()}
+        ops = [op for op, name in called.items() if name.endswith(SERIAL) or name in words]
+        states = np.isin(f.op, ops)
+        states[v.row[np.isin(v.register, named)]] = True
+        requests = np.flatnonzero(f.kind == REQUEST)
+        asks = states[requests] | (
+            (f.address[requests] >= 0) & np.isin(f.address[requests], places)
+        )
+        starts = f.start[requests]
+        frames = (
+            batch.data[at : at + length] if asked else b""
+            for at, length, asked in zip(starts, f.length[requests], asks, strict=True)
+        )
+        whose = bus, protocol.name
+        said = [self._asked.get(whose, b""), *frames]
+        self._asked[whose] = said[-1]
+
+        def behind(start: int) -> bytes:
+            """Return the request for a serial number that bytes stand behind, or nothing."""
+            return said[int(np.searchsorted(starts, start, "right"))]
+
+        found = [
+            (batch.base + gap.start, _blank(batch.data[gap.start :][: gap.length], request))
+            for gap in batch.gaps
+            if (request := behind(gap.start))
+        ]
+        for row in range(len(f)):
             start, length = int(f.start[row]), int(f.length[row])
             at, size = int(f.data_start[row]) - start, int(f.data_length[row])
-            frame = batch.data[start : start + length]
-            if size > 0:
-                told = without(frame, at, size, protocol)
-                self.found.setdefault(bus, []).append((batch.base + start, told))
+            # whatever is answered: a letter of it may be another one
+            if size > 0 and (states[row] or (f.kind[row] != REQUEST and behind(start))):
+                told = without(batch.data[start : start + length], at, size, protocol)
+                found.append((batch.base + start, told))
+        if found:
+            self.found.setdefault(bus, []).extend(found)
 
     def close(self) -> None:
         """Do nothing."""
+
+
+def _blank(torn: bytes, request: bytes) -> bytes:
+    """Return bytes that no frame claims without what they may have of a serial number.
+
+    Text keeps all but its digits, as its request shows that it is text, and of these the ones that
+    the request has, too: an answer says again who was asked.
+    """
+    if not request.isascii():
+        return bytes(len(torn))
+    before, again, rest = torn.partition(request[1:-1])
+    return _digitless(before) + again + _digitless(rest)
+
+
+def _digitless(text: bytes) -> bytes:
+    """Return a text with each digit a ``0``."""
+    return bytes(0x30 if 0x30 <= byte < 0x3A else byte for byte in text)
 
 
 def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
@@ -71,7 +122,7 @@ def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
     """
     data = frame[at : at + size]
     is_text = all(32 <= byte < 127 for byte in data)
-    zeros = bytes(0x30 if 0x30 <= b < 0x3A else b for b in data) if is_text else bytes(size)
+    zeros = _digitless(data) if is_text else bytes(size)
     blank = frame[:at] + zeros + frame[at + size :]
     sums = protocol.checksum_of(blank)
     if sums is None:
@@ -81,15 +132,18 @@ def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
     return blank[:end] + checksum(body).to_bytes(len(blank) - end, "little")
 
 
-def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Options]:
+def anonymous(
+    opened: Source, given: Options, tell: Teller, named: dict[str, str] | None = None
+) -> tuple[Derived, Options]:
     """Return a source that is read from zero on and names nobody, and how it is decoded.
 
-    It is read twice. Buses become ``bus0``, ``bus1`` in the order in which they speak. Of what a
-    recording says of itself rates, latencies, protocols, models and rules stay.
+    It is read twice. Buses become ``bus0``, ``bus1`` in the order in which they speak; ``named``
+    are those that have a name already, and gets the others. Of what a recording says of itself
+    rates, latencies, protocols, models and rules stay.
     """
     options = given.with_facts(opened.facts(), opened.tables)
     serials = _Serials()
-    names: dict[str, str] = {}
+    names = {} if named is None else named
     first: list[int] = []
 
     def heard(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
@@ -112,7 +166,7 @@ def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Op
     began = first[0] if first else 0
 
     def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-        blanks = {bus: Blanks(found) for bus, found in serials.found.items()}
+        blanks = {bus: Blanks(sorted(found)) for bus, found in serials.found.items()}
         for group in groups:
             out = []
             for chunk in group:

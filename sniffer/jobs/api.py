@@ -12,7 +12,9 @@ from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.needs import need_pyarrow
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wiring import Wiring
-from sniffer.sources import MIXED, open_source
+from sniffer.jobs.order import merged
+from sniffer.jobs.telling import Teller
+from sniffer.sources import open_source
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -161,13 +163,9 @@ def decode(
     ).with_facts(given.facts(), given.tables)
     pipeline = Pipeline(options, [keep])
     damage = None
-    groups: Iterable[Sequence[Chunk]] = given
-    if given.format in MIXED:
-        from sniffer.merging.wires import in_order
-
-        groups = in_order(given, options, lambda message: None)
+    quiet = Teller(lambda line: None, quiet=True)
     try:
-        for group in groups:
+        for group in merged(given, given, options, quiet):
             pipeline.feed(group)
     except DamagedInputError as error:
         damage = str(error)

@@ -11,6 +11,7 @@ import numpy as np
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.codes import KINDS
 from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.mcapfile.given import refuse_no_file
 from sniffer.mcapfile.source import recorded
 from sniffer.sources import open_source
 
@@ -111,6 +112,7 @@ def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Comp
     Raises:
         InputError: it is no recording of this tool, or holds no frames.
     """
+    refuse_no_file(path)
     source = open_source(path)
     if source.format != "mcap":
         raise InputError(f"{path} is no recording: only an .mcap holds what was decoded before")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
-from sniffer.ground.files import TABLES
+from sniffer.ground.files import STDIN, TABLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
@@ -18,7 +18,6 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
-from sniffer.sources.opening import STDIN
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:

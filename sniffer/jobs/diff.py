@@ -197,7 +197,7 @@ def diff(
     if differ:
         told.pop("part", None)
     first, second = runs
-    if selection is not None and not any(run.frames.total() for run in runs):
+    if selection is not None and not any(run.rows.total() for run in runs):
         raise InputError(f"{selection.text}: neither run has any of it")
     of_b = _match(first, second, str(a), str(b))
     names_a, names_b = (run.options.names for run in two)
@@ -207,7 +207,7 @@ def diff(
         names_b = {(shown, servo): name for servo, name in on_b.items()}
     found, tests = differences(first, second)
     lost = () if output is None else gone([output], tell)
-    worst = max(endings, key=list(Ending).index)
+    worst = Ending.worst(endings)
     texts = tuple("all of it" if run.part is None else str(run.part) for run in two)
     return Compared(
         (str(a), str(b)),
@@ -330,7 +330,7 @@ def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> str | None
     Raises:
         InputError: they have none in common.
     """
-    asked = [[bus for bus, n in run.frames.items() if n] for run in (a, b)]
+    asked = [[bus for bus, n in run.rows.items() if n] for run in (a, b)]
     if not a.frames.keys() & b.frames.keys() and all(len(buses) == 1 for buses in asked):
         for run, (bus,) in zip((a, b), asked, strict=True):
             run.keep(bus)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import datetime
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -13,13 +12,13 @@ import numpy as np
 from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.ground.limits import DATED_NS
-from sniffer.ground.model import NS, DamagedInputError, InputError
+from sniffer.ground.model import Clock, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at, record_at
 from sniffer.jobs.order import merged
 from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
+from sniffer.reports.words import moment
 from sniffer.selection.places import END, FOUND, names_anomaly, place_in
 from sniffer.sources import open_source
 from sniffer.sources.several import name_of
@@ -120,16 +119,8 @@ def explain_at(
         head += f": {'; '.join(found[:TOLD_MOST])}{more}"
     out = [head, *told]
     for piece in pieces:
-        out += ["", f"at byte {piece.offset}, {_moment(piece.t_ns)}", *piece.lines]
+        out += ["", f"at byte {piece.offset}, {moment(piece.t_ns, finder.clock, 6)}", *piece.lines]
     return pieces[-1].holds, [options.called.sentence(name, line) for line in out]
-
-
-def _moment(t_ns: int) -> str:
-    """Return a time as the table prints it: of day where it is one."""
-    if t_ns < DATED_NS:
-        return f"{t_ns / NS:.6f} s"
-    moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-    return f"{moment:%H:%M:%S}.{t_ns % NS // 1000:06d}"
 
 
 class _AtByte:
@@ -141,6 +132,8 @@ class _AtByte:
         self.remarks: dict[str, list[str]] = {}
         """By bus what was found in what has the byte."""
         self.ends: dict[str, int] = {}
+        self.clock = Clock.NONE
+        """What the times of what was found are of."""
         self._spans: dict[str, tuple[int, int]] = {}
 
     @property
@@ -168,6 +161,7 @@ class _AtByte:
 
     def _draw(self, bus: str, protocol: BusProtocol, batch: Batch, at: int) -> None:
         """Draw what has a byte of a batch."""
+        self.clock = batch.clock
         f = batch.frames
         rows = np.flatnonzero((f.start <= at) & (at < f.end)).tolist()
         if rows:

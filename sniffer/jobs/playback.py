@@ -348,17 +348,17 @@ def _controller(
     baud, protocol = sink.bauds[bus], sink.protocols[bus]
     options = replace(stage.options, protocols={bus: protocol}, bauds={}, baud=baud)
     facts = session_facts(stage.source, options)
-    decoded, raw = open_all(outputs, facts, [*map(str, stage.inputs)], force=overwrite)
-    copies = Copies(raw)
-    pipeline = Pipeline(options, [now, *decoded])
+    # a port that is refused replaces no file
+    with opened_ports(ports.to, ports.links, {bus: baud}, transmit=ports.transmit) as outlets:
+        decoded, raw = open_all(outputs, facts, [*map(str, stage.inputs)], force=overwrite)
+        copies = Copies(raw)
+        pipeline = Pipeline(options, [now, *decoded])
 
-    def heard(chunks: Sequence[Chunk]) -> None:
-        for group in copies.of([chunks]):
-            pipeline.feed(group)
+        def heard(chunks: Sequence[Chunk]) -> None:
+            for group in copies.of([chunks]):
+                pipeline.feed(group)
 
-    try:
-        opened = opened_ports(ports.to, ports.links, {bus: baud}, transmit=ports.transmit)
-        with opened as outlets:
+        try:
             outlet = outlets[bus]
             ports.ready({bus: outlet.port.name})
             await_listeners([outlet], stop)
@@ -366,10 +366,10 @@ def _controller(
             player = ControllerPlayer(outlet, protocol, byte_ns, bus=bus, stop=stop, heard=heard)
             player.play(sink.buses[bus], speed)
             outlet.finish()
-        pipeline.close()
-    finally:
-        pipeline.finish()
-        copies.finish(tell)
+            pipeline.close()
+        finally:
+            pipeline.finish()
+            copies.finish(tell)
     found, _ = differences(then, now)
     slower = tuple(one for one in found if one.about == "response_time")
     written = _written(outlets)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import InputError
@@ -20,7 +21,6 @@ from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.summary import Summary
@@ -113,6 +113,8 @@ def query(
     """
     need_duckdb()
     need_pyarrow()
+    if isinstance(sources, str | Path) or not sources:
+        raise InputError("there are several captures in a query, or one in a list: name them so")
     import duckdb
     import pyarrow as pa
 
@@ -163,7 +165,7 @@ def query(
         types = [str(column[1]) for column in result.description]
         if any(ZONED in kind for kind in types):
             result = connection.execute(_without_zones(sql, types))
-    worst = max(endings, key=lambda ending: ending.value)
+    worst = Ending.worst(endings)
     return Answer(columns, worst, tuple(summaries), result)
 
 

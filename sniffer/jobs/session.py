@@ -40,6 +40,11 @@ class Ending(enum.Enum):
     """It broke off."""
     INTERRUPTED = enum.auto()
 
+    @classmethod
+    def worst(cls, endings: Iterable[Ending]) -> Ending:
+        """Return the one of several that matters most: those further down do."""
+        return max(endings, key=[*cls].index)
+
 
 @contextlib.contextmanager
 def undecided_of(name: str, *, leads: bool = False) -> Iterator[None]:

@@ -84,8 +84,10 @@ def split(
         InputError: the input cannot be read, its protocol cannot be told, the window is empty, or
             there is no such bus.
         OutputError: a file cannot be written, before any is, or there; those before are whole.
-        SnifferError: there would be more than 1000 pieces, or as for ``cut``.
+        SnifferError: there would be more than 1000 pieces, they have no length, or as for ``cut``.
     """
+    if every_ns is not None and every_ns < 1:
+        raise SnifferError(f"every_ns {every_ns}: a piece has 1 ns at least")
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
@@ -98,18 +100,18 @@ def split(
         pieces = _pieces(opened, joined(inputs), every_ns, window, options, tell, buses)
         if len(pieces) > MOST:
             raise SnifferError(f"that makes {len(pieces)} pieces, {MOST} at most: make them longer")
-        names = _names([*pieces], outputs, is_anonymous=anonymise)
-        every = [f for files in names for path in files for f in files_of(path)]
+        row_of_files = _names([*pieces], outputs, is_anonymous=anonymise)
+        every = [f for files in row_of_files for path in files for f in files_of(path)]
         check_outputs(every, [*map(str, inputs)], force=overwrite)
         row = None
         if every_ns is not None and not anonymise:  # who looks for serial numbers reads it twice
             row = _row(opened, [*pieces.values()], tell)
-        done = []
-        for nth, (files, piece) in enumerate(zip(names, pieces.values(), strict=True)):
+        done, names = [], dict[str, str]()
+        for nth, (files, piece) in enumerate(zip(row_of_files, pieces.values(), strict=True)):
             once = None if row is None else row.piece(nth)
             derived, own = piece.of(opened, joined(inputs), tell, once)
             if anonymise:
-                derived, own = anonymous(derived, own, tell)
+                derived, own = anonymous(derived, own, tell, names)
             converted = convert_opened(
                 derived,
                 inputs,

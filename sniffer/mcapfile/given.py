@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from sniffer.ground.files import STDIN
 from sniffer.ground.model import InputError
 
 if TYPE_CHECKING:
@@ -15,9 +16,9 @@ def open_recording(path: Path) -> BufferedReader:
     """Open a file to read it; whether it is a recording is for the caller to find out.
 
     Raises:
-        InputError: it is a directory, is not there, or cannot be read.
+        InputError: it is no file, is not there, or cannot be read.
     """
-    refuse_directory(path)
+    refuse_no_file(path)
     try:
         return path.open("rb")
     except FileNotFoundError:
@@ -26,8 +27,10 @@ def open_recording(path: Path) -> BufferedReader:
         raise unreadable(path, error) from None
 
 
-def refuse_directory(path: Path) -> None:
-    """Raise an InputError where a directory is given."""
+def refuse_no_file(path: Path) -> None:
+    """Raise an InputError where standard input or a directory is given."""
+    if str(path) == STDIN:
+        raise InputError("this needs a file: save standard input first")
     if path.is_dir():
         raise InputError(f"{path} is a directory: give the recording in it")
 

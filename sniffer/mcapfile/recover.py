@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
@@ -15,7 +16,7 @@ from sniffer.ground.files import writing
 from sniffer.ground.model import InputError, OutputError
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
-from sniffer.mcapfile.given import open_recording, refuse_directory
+from sniffer.mcapfile.given import open_recording, refuse_no_file
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.packing import ChunkContents
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
@@ -25,6 +26,9 @@ from sniffer.messages import BULK, END, RECOVERED, TOOL
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+STILL_S: Final = 0.3
+"""For so long a file must not have grown: of a bus that speaks its raw bytes are written sooner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +69,14 @@ def recover(path: Path, out: Path) -> Recovered:
 
     Raises:
         InputError: there is nothing to recover.
-        OutputError: ``out`` cannot be written, or is no file.
+        OutputError: ``out`` cannot be written, or is no file, or is still being written itself.
     """
-    refuse_directory(path)  # before ``out``, which may be the same
+    refuse_no_file(path)  # before ``out``, which may be the same
     if out.exists() and not out.is_file():
         what = "a directory" if out.is_dir() else "a device or a pipe"
         raise OutputError(f"{out} is {what}: give a file name")
     stream = open_recording(path)
+    begun = path.stat().st_size
     # a link stays what it is, and leads to what was mended
     target = out.resolve()
     temporary = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
@@ -110,6 +115,8 @@ def recover(path: Path, out: Path) -> Recovered:
             with temporary.open("rb") as written:
                 os.fsync(written.fileno())
             size = path.stat().st_size
+            if why and path.resolve() == target:
+                _refuse_growing(path, begun, size)
             with contextlib.suppress(OSError):
                 shutil.copymode(target, temporary)
             with writing(out):
@@ -121,6 +128,21 @@ def recover(path: Path, out: Path) -> Recovered:
                 temporary.unlink()
     lost = size - records.position if why else 0
     return Recovered(out, messages, size - lost, lost, why, derived)
+
+
+def _refuse_growing(path: Path, begun: int, size: int) -> None:
+    """Refuse to replace a file that is still being written: its recorder would go on elsewhere.
+
+    Raises:
+        OutputError: it is longer than it was.
+    """
+    written_s = time.time() - path.stat().st_mtime
+    if size == begun and written_s < STILL_S:
+        time.sleep(STILL_S - max(written_s, 0.0))
+    if path.stat().st_size != begun:
+        raise OutputError(
+            f"{path} is being written: end its recorder first, or give another output"
+        )
 
 
 def _copy(

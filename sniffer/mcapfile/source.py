@@ -92,7 +92,7 @@ def groups(source: Path | str | Stream, *, hasty: bool = False) -> Iterator[list
         held = 0
         ours = False
         offsets: dict[str, int] = {}
-        broken: BrokenError | None = None
+        broken: BrokenError | DamagedInputError | None = None
         try:
             for record in records:
                 if isinstance(record, Header):
@@ -112,14 +112,16 @@ def groups(source: Path | str | Stream, *, hasty: bool = False) -> Iterator[list
                     group, held = [], 0
         except NotMcapError as error:
             raise InputError(f"{name}: {error}") from None
-        except BrokenError as error:
+        except (BrokenError, DamagedInputError) as error:  # of the recording, or of what packed it
             broken = error
         if group:
             yield group
         if not ours and records.channels and not raw.buses():
             raise InputError(_foreign(name, records))
-        if broken is not None:
+        if isinstance(broken, BrokenError):
             raise _damage(name, records, size, broken)
+        if broken is not None:
+            raise broken
 
 
 def recorded(source: Path | str | Stream) -> Iterator[RecordedFrame]:

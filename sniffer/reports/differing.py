@@ -318,7 +318,7 @@ def _errors(
     a: RunFigures, b: RunFigures, code: str, of_a: Counter[Who], of_b: Counter[Who]
 ) -> Iterator[_Found]:
     for who in sorted(of_a, key=_servo):
-        times = float(a.frames[who.bus]), float(b.frames[who.bus])
+        times = float(a.heard[who.bus]), float(b.heard[who.bus])
         counts = of_a[who], of_b[who]
         verdict = rates(counts[0], times[0], counts[1], times[1])
         told = [{"n": int(m), "count": k} for k, m in zip(counts, times, strict=True)]

@@ -46,7 +46,7 @@ class Exhibit(NamedTuple):
     behind: tuple[Drawn, ...] = ()
 
 
-def chosen(incident: Incident, most: int = PLACES) -> list[Place]:
+def chosen(incident: Incident) -> list[Place]:
     """Return the places of an incident that are shown, in the order of time.
 
     One of each finding, then the second ones, and so on: what is alike is shown once.
@@ -55,7 +55,7 @@ def chosen(incident: Incident, most: int = PLACES) -> list[Place]:
     columns = [f.places for f in incident.findings]
     for nth in range(max(map(len, columns), default=0)):
         for places in columns:
-            if nth < len(places) and len(out) < most:
+            if nth < len(places) and len(out) < PLACES:
                 out.setdefault(places[nth][:2], places[nth])
     return sorted(out.values(), key=lambda place: (place.t_ns, place.offset))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from sniffer.statistics.lags import LagSeries
 from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.model import Incident
     from sniffer.ground.model import I16, I64, Batch, Chunk
@@ -56,6 +56,11 @@ class RunFigures:
 
     def __init__(self) -> None:
         self.frames: Counter[str] = Counter()
+        """Frames that are compared, by bus."""
+        self.heard: Counter[str] = Counter()
+        """All frames, also those that are not selected: how often something is told is of them."""
+        self.rows: Counter[str] = Counter()
+        """Frames, anomalies and gaps that are compared."""
         self.requests: Counter[Who] = Counter()
         self.commands: Counter[tuple[Who, str]] = Counter()
         self.expected: Counter[Who] = Counter()
@@ -73,10 +78,15 @@ class RunFigures:
         self.span: dict[str, tuple[int, int]] = {}
         self.incidents: tuple[Incident, ...] = ()
         """What a diagnosis says of the run, where all of it is compared."""
+        self._tables: frozenset[str] = frozenset(("anomalies", "transactions"))
         self._last: dict[tuple[Who, str], int] = {}
         self._followers: dict[str, Follower] = {}
         self._starts: dict[str, FirstMotions] = {}
         self._lags: dict[tuple[Who, str], LagSeries] = {}
+
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Take which tables have rows that are selected."""
+        self._tables = frozenset(told.get("tables", self._tables))
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -85,6 +95,7 @@ class RunFigures:
         """Take what a pass decided."""
         bus = bus_of(bus, protocol, batch)
         f = batch.frames
+        self.heard[bus] += len(f)
         if len(f):  # what happens so often does so in all the time
             begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
             self.span[bus] = begin, int(f.t_end[-1])
@@ -92,8 +103,11 @@ class RunFigures:
         batch = selected(batch)
         f = batch.frames
         self.frames[bus] += len(f)
+        self.rows[bus] += len(f) + len(batch.anomalies) + len(batch.gaps)
         if len(batch.anomalies):
             self._errors(bus, Anomalies.of(batch.anomalies))
+        if "anomalies" not in self._tables:  # which say the same of most gaps
+            self.errors.update((Who(bus, None), gap.reason) for gap in batch.gaps)
         if not len(f):
             return
         self._commands(bus, protocol, batch)
@@ -113,6 +127,7 @@ class RunFigures:
     def keep(self, bus: str) -> None:
         """Forget the other buses, of which nothing was selected."""
         self.frames = Counter({bus: self.frames[bus]})
+        self.heard, self.rows = Counter({bus: self.heard[bus]}), Counter({bus: self.rows[bus]})
         self.span = {name: span for name, span in self.span.items() if name == bus}
 
     def rename(self, bus: str, name: str) -> None:
@@ -122,6 +137,7 @@ class RunFigures:
             return who._replace(bus=name)
 
         self.frames = Counter({name: self.frames[bus]})
+        self.heard, self.rows = Counter({name: self.heard[bus]}), Counter({name: self.rows[bus]})
         self.span = dict(zip([name], self.span.values(), strict=False))
         self.incidents = tuple(replace(i, bus=name) for i in self.incidents)
         self.requests = Counter({own(w): n for w, n in self.requests.items()})
@@ -138,8 +154,10 @@ class RunFigures:
             setattr(self, of, {(own(w), c): s for (w, c), s in series.items()})
 
     def _errors(self, bus: str, found: Anomalies) -> None:
+        told = "transactions" in self._tables
         for code, servo in zip(found.code.tolist(), found.servo_id.tolist(), strict=True):
-            if SEVERITY[code] > Severity.NOTE and CODES[code] not in _TOLD_ELSEWHERE:
+            # who selects anomalies alone means all that are selected
+            if not told or (SEVERITY[code] > Severity.NOTE and CODES[code] not in _TOLD_ELSEWHERE):
                 self.errors[Who(bus, servo if servo >= 0 else None), CODES[code]] += 1
 
     def _motion(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:

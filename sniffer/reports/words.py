@@ -7,7 +7,8 @@ import math
 from typing import TYPE_CHECKING
 
 from sniffer.ground.limits import DATED_NS
-from sniffer.ground.model import MS, NS, Clock
+from sniffer.ground.model import NS, Clock
+from sniffer.ground.moments import of_day
 from sniffer.ground.units import behind
 
 if TYPE_CHECKING:
@@ -42,21 +43,17 @@ def spread(values: Range | None, name: str) -> str:
     return f"{low}{behind(name)}" if low == high else f"{low} … {high}{behind(name)}"
 
 
-def moment(t_ns: int, clock: Clock) -> str:
+def moment(t_ns: int, clock: Clock, digits: int = 3) -> str:
     """Return a time as a clock shows it, UTC; seconds where the input has no clock."""
-    return f"{t_ns / NS:.3f} s" if clock == Clock.NONE else _shown(t_ns, "%H:%M:%S")
+    return f"{t_ns / NS:.{digits}f} s" if clock == Clock.NONE else of_day(t_ns, digits)
 
 
 def dated(t_ns: int) -> str:
     """Return a time with its day; seconds where it counts from something else than 1970."""
     if t_ns < DATED_NS:
         return f"{t_ns / NS:.3f} s (no date)"
-    return f"{_shown(t_ns, '%Y-%m-%d %H:%M:%S')} UTC"
-
-
-def _shown(t_ns: int, form: str) -> str:
-    told = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-    return f"{told:{form}}.{t_ns % NS // MS:03d}"
+    day = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date()
+    return f"{day.isoformat()} {of_day(t_ns)} UTC"
 
 
 def lasting(ns: float) -> str:

@@ -24,6 +24,9 @@ simulation."""
 STIFFNESS: Final = 12.0
 """Part of the stall load with which a joint that is held fast pushes, for each travel of error."""
 
+OHM: Final = 0.25
+"""What a supply and its leads put in the way of the current of up to ``SERVED`` joints."""
+
 SERVED: Final = 8
 """Joints that one pair of supply wires feeds; more of them have more wires."""
 
@@ -171,11 +174,11 @@ class Joint:
 class Rig:
     """All joints on one supply: the voltage sags under the current of all of them."""
 
-    def __init__(self, joints: Sequence[Joint], supply_v: float, ohm: float = 0.25) -> None:
+    def __init__(self, joints: Sequence[Joint], supply_v: float) -> None:
         self.joints = joints
         self.voltage = self._supply_v = supply_v
         self.now_s = 0.0
-        self._ohm = ohm * min(1.0, SERVED / max(len(joints), 1))
+        self._ohm = OHM * min(1.0, SERVED / max(len(joints), 1))
 
     def feed(self, supply_v: float) -> None:
         """Take another supply."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import datetime
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.decoding.durations import Bounds
-from sniffer.ground.model import NS
+from sniffer.ground.moments import of_day
 from sniffer.sinks.tabulated import ROOMY, Tabulated, percent
 
 if TYPE_CHECKING:
@@ -39,7 +38,8 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
     if slices is None:
         return None
     first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
-    columns = {"from": [of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))]}
+    digits = next((n for n in (0, 3) if width_ns % 10 ** (9 - n) == 0), 6)  # as slices need them
+    columns = {"from": [of_day(first_ns + k * width_ns, digits) for k in range(len(shares))]}
     # none of what nobody asked for is no finding: anomalies alone have no bytes
     has_bytes = tables is None or any(table != "anomalies" for table in tables)
     if has_bytes:
@@ -72,10 +72,3 @@ def has_replies(bus: Mapping[str, Any]) -> bool:
     """Tell whether response times stand over time."""
     slices = bus.get("slices")
     return slices is not None and any(slices["response_time_ns"]["count"])
-
-
-def of_day(t_ns: int, step_ns: int) -> str:
-    """Return a time of day (UTC) as finely as steps need it."""
-    digits = next((n for n in (0, 3) if step_ns % 10 ** (9 - n) == 0), 6)
-    part = f".{t_ns % NS // 10 ** (9 - digits):0{digits}}" if digits else ""
-    return f"{datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC):%H:%M:%S}{part}"

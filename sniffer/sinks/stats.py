@@ -9,7 +9,8 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
-from sniffer.ground.model import MS, NS
+from sniffer.ground.model import NS
+from sniffer.ground.moments import of_day
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
@@ -22,7 +23,7 @@ from sniffer.sinks.motions import (
     step_table,
     unreached_table,
 )
-from sniffer.sinks.overtime import BARS_MOST, has_replies, of_day, over_time
+from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
 from sniffer.statistics.told import OF_SERVOS
@@ -267,7 +268,7 @@ def _heard(
         row = [str(s["responses"]), "never", "", *([""] * len(clock))]
         if last is not None:
             row[1:3] = (seconds_of(s[end]["t_ns"], first, bus) for end in _ENDS)
-            row[3:] = [of_day(last["t_ns"], MS)] * len(clock)
+            row[3:] = [of_day(last["t_ns"])] * len(clock)
         row.append(f"{(bus['last_ns'] - ended(s)) / NS:.3f}")
         if pause is not None:
             row += [ms_of(pause, "value_ns"), seconds_of(pause["t_ns"], first, bus)]

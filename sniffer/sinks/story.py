@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
@@ -12,7 +11,8 @@ from rich.text import Text
 from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.shared import numbered
-from sniffer.ground.model import NS, Severity, SnifferError
+from sniffer.ground.model import Severity, SnifferError
+from sniffer.ground.moments import of_day
 from sniffer.ground.wording import and_, counted
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.shared import Shared
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
-
-SINCE: Final = 1_000_000_000 * NS
-"""Times after that (the year 2001) are those of a clock on the wall."""
 
 FINDINGS_SHOWN: Final = 6
 
@@ -101,7 +98,7 @@ def _leading(incidents: Sequence[Incident], shared: Sequence[Shared]) -> dict[in
 def _print_head(i: Incident, console: Console, *, clock: bool, is_one_bus: bool) -> None:
     """Print when an incident was, and its story; what does not fit goes on below its beginning."""
     level = i.severity.name.lower()
-    head = Text(f"{moment(i.first_ns)} " if clock else "")
+    head = Text(f"{of_day(i.first_ns, 1)} " if clock else "")
     head.append(level, style=_COLOUR[level])
     head.append(f"  {_on(i, is_one_bus=is_one_bus)}{i.story}", style="bold")
     often = _how_often(i, clock=clock)
@@ -184,7 +181,7 @@ def _in_short(
 def _how_often(i: Incident, *, clock: bool) -> str:
     """Return how often something happened and until when, where that is more than once."""
     times = f"{i.count} times" if i.count > 1 else ""
-    first, last = moment(i.first_ns), moment(i.last_ns)
+    first, last = of_day(i.first_ns, 1), of_day(i.last_ns, 1)
     until = f"until {last}" if clock and last != first else ""
     return " ".join(filter(None, (times, until)))
 
@@ -229,11 +226,3 @@ def print_weighing(
         console.print()
         console.print(Text(f"{cause.cause}: {cause.percent} %", style="bold"))
         console.print(table)
-
-
-def moment(t_ns: int) -> str:
-    """Return a time as people write it: of the clock where it is one, else in seconds."""
-    if t_ns >= SINCE:
-        at = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-        return f"{at:%H:%M:%S}.{t_ns % NS // 100_000_000}"
-    return f"{t_ns / NS:.1f} s"

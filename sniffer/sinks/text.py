@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import textwrap
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TextIO
 
@@ -15,6 +14,7 @@ from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
+from sniffer.ground.moments import of_day
 from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.intime import FIRST_NS, READ, InTime
@@ -292,8 +292,7 @@ class TextSink:
         if line.clock == Clock.NONE:
             return f"{t_ns / NS:.6f}".rjust(9 + digits)
         if t_ns // NS != self._second[0]:
-            moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-            self._second = t_ns // NS, f"{moment:%H:%M:%S}"
+            self._second = t_ns // NS, of_day(t_ns, 0)
         return f"{self._second[1]}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:

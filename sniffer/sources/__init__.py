@@ -271,27 +271,23 @@ def open_source(
     input_format: str = "auto",
     *,
     bus: str = "bus0",
-    radix: str = "hex",
     again: bool = False,
     wiring: Wiring | None = None,
 ) -> Source:
     """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
 
-    ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
-    plain list of numbers; ``wiring`` says how a capture of levels is to be read. ``again``: it will
-    be read more than once; what cannot be (a pipe) is kept in a temporary file. Raises InputError
-    with what to do instead, in one line.
+    ``bus`` names the bus where the input does not; ``wiring`` says how a capture of levels is to be
+    read. ``again``: it will be read more than once; what cannot be (a pipe) is kept in a temporary
+    file. Raises InputError with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
         known = offered(str(input_format), ("auto", *SOURCES))
         raise InputError(f"there is no input format {input_format!r}: choose {known}")
-    if radix not in ("hex", "decimal"):
-        raise InputError(f"there is no radix {radix!r}: choose hex or decimal")
     origin = find(path)
     try:
         if input_format != "bin":  # raw bytes are what somebody says they are
             origin = unpacked(origin)
-        chosen = _chosen(origin, input_format, decimal=radix == "decimal")
+        chosen = _chosen(origin, input_format)
         by_index = chosen in ("mcap", *ZIPPED)  # read here and there
         if (again and origin.live) or (by_index and origin.path is None):
             origin = Spooled(origin)
@@ -304,14 +300,14 @@ def open_source(
     return source
 
 
-def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
+def _chosen(origin: Origin, input_format: str) -> str:
     if not origin.head:
         return "bin"
     try:
         if input_format == "auto":
-            return recognise(origin.head, origin.suffix.lower(), decimal=decimal)
+            return recognise(origin.head, origin.suffix.lower())
         if input_format not in _BINARY:
             refuse_utf16(origin.head)
     except InputError as error:
         raise InputError(Sentence("{name}: {error}", name=origin.name, error=error)) from None
-    return "decimal" if decimal and input_format == "hex" else input_format
+    return input_format

@@ -11,7 +11,7 @@ import re
 from typing import Final
 
 from sniffer.ground.patterns import later
-from sniffer.sources.refusals import decimal_or_hex, refused
+from sniffer.sources.refusals import decimal_dump, decimal_or_hex, refused
 from sniffer.sources.text import FIRST_LINES
 
 _WORD: Final = later(rb"[0-9A-Fa-fxX]+")
@@ -98,7 +98,7 @@ def refuse_decimal_dump(lines: list[bytes]) -> None:
     words = b" ".join(bodies).split()
     gaps = [gap for body in bodies for gap in re.findall(rb" +", body)]
     if len(words) > 1 and b"".join(words).isdigit() and gaps and min(map(len, gaps)) > 1:
-        raise refused("a dump in decimal (od -tu1)", "dump it again with `od -v -tx1`")
+        raise decimal_dump()
 
 
 def _are_small_decimals(words: list[bytes]) -> bool:

@@ -18,6 +18,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
+from sniffer.ground.files import STDIN
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.pcapfile.layout import PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources.recognise import HEAD
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.ground.files import Stream
-
-STDIN: Final = "-"
 
 SPOOLED_AT_ONCE: Final = 1 << 20
 """Bytes that go to a temporary file at once."""
@@ -164,8 +163,27 @@ class Pipe:
             self._stream.close()
 
 
+class _BrokenOff:
+    """A stream behind whose end it is said why there is no more."""
+
+    def __init__(self, stream: Stream, why: DamagedInputError) -> None:
+        self._stream, self._why = stream, why
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to ``size`` bytes.
+
+        Raises:
+            DamagedInputError: there are no more.
+        """
+        if data := self._stream.read(size):
+            return data
+        raise self._why
+
+
 class Spooled(File):
     """An input that is no file, written to a temporary one; it is waited for to its end.
+
+    Of what is packed and breaks off there is what came before; that it did is said behind that.
 
     Raises:
         InputError: there is no room for it.
@@ -174,9 +192,10 @@ class Spooled(File):
     def __init__(self, origin: Origin) -> None:
         import tempfile  # with all that packs and unpacks files: few inputs need it
 
+        self._damage: DamagedInputError | None = None
         self._file = tempfile.NamedTemporaryFile(prefix="sniffer-", suffix=".mcap")  # noqa: SIM115
         try:
-            with origin.open() as stream:
+            with origin.open() as stream, self._noting_damage():
                 while data := stream.read(SPOOLED_AT_ONCE):
                     self._file.write(data)
             self._file.flush()
@@ -191,6 +210,19 @@ class Spooled(File):
         super().__init__(Path(self._file.name))
         self.name = origin.name
         weakref.finalize(self, self._file.close)  # who only looks at it does not close it
+
+    @contextlib.contextmanager
+    def _noting_damage(self) -> Iterator[None]:
+        try:
+            yield
+        except DamagedInputError as error:
+            self._damage = error
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Stream]:
+        """Return it from its first byte on."""
+        with super().open() as stream:
+            yield stream if self._damage is None else _BrokenOff(stream, self._damage)
 
     def close(self) -> None:
         """Remove the temporary file."""

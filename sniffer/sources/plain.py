@@ -27,7 +27,6 @@ _BYTES: Final = later(rb"(?:(?:0[xX]|\\x)?[0-9A-Fa-f]{2})+|0[xX][0-9A-Fa-f]?|\\x
 _ODD: Final = later(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
 _STRANGE: Final = later(rb"[^0-9A-Fa-fxX\\]|$")
 _SINGLE: Final = later(rb"\b0[xX]([0-9A-Fa-f])\b")
-# "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b of b""
 # a line of nothing but FF:FF:01, FF-FF-01 or <FF><FF><01>; elsewhere, and where it
 # could be 12:30:00 or 26-11-20, they are of times and dates
 _PAIRED: Final = later(
@@ -41,8 +40,10 @@ _ONES: Final = later(rb"(?<![^\s,;])[0-9A-Fa-f](?![^\s,;])")
 _ALONE: Final = r" (`sed -E 's/\b[0-9A-Fa-f]\b/0&/g'` does, where a program left zeros out)"
 _NO_HEX: Final = "is not hex: put # before what is no byte"
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
-_LITERAL: Final = later(rb"""\bb(["'])((?:\\.|(?!\1)[^\\])*)\1""")
+_LITERAL: Final = later(rb"""\b((?:bytearray\()?)(b(["'])((?:\\.|(?!\3)[^\\])*)\3)""")
 _UNENDED: Final = later(rb"""\bb(["'])(?=[^"']*\\[^"']*$)""")
+# comments, "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b
+# of b""
 _ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
     rb"|/\*.{,200}?\*/"
@@ -98,7 +99,7 @@ def hex_block(text: bytes) -> bytes:
 
 
 def hex_line(line: bytes) -> bytes:
-    """Return the bytes that one line of hex states; raises :class:`Mistake`."""
+    """Return the bytes that one line of hex states; raises :class:`BadLineError`."""
     text = _LITERAL.sub(_said, line)
     if unended := _UNENDED.search(text):
         raise BadLineError(unended.start(), "bytes in quotes that do not end on this line")
@@ -111,10 +112,10 @@ def hex_line(line: bytes) -> bytes:
 
 def _said(literal: re.Match[bytes]) -> bytes:
     """Return bytes as Python shows them in hex: what is printable stands there as it is."""
-    if literal[2].strip(_DIGITS) == b"":  # as hexlify gives it
-        return literal[0]
+    if literal[4].strip(_DIGITS) == b"":  # as hexlify gives it
+        return b" " * len(literal[1]) + literal[2]
     try:
-        data = ast.literal_eval(literal[0].decode("ascii"))
+        data = ast.literal_eval(literal[2].decode("ascii"))
     except (ValueError, SyntaxError):
         return literal[0]
     return b" " + bytes(data).hex().encode() + b" "
@@ -154,7 +155,7 @@ def decimal_block(text: bytes) -> bytes:
 
 
 def decimal_line(line: bytes) -> bytes:
-    """Return the bytes that one line of decimal numbers states; raises :class:`Mistake`."""
+    """Return the bytes that one line of decimal numbers states; raises :class:`BadLineError`."""
     text = bare(line)
     for token in _TOKEN.finditer(text):
         if not token[0].isdigit() or len(token[0]) > _PLACES or int(token[0]) > 255:

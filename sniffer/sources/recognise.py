@@ -50,11 +50,11 @@ _FEW_DIGITS: Final = 8  # so short a text of hex digits may as well be raw bytes
 _FORMATS: Final = "give raw bytes, or a dump made by `xxd` or `hexdump -C`"
 
 
-def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
+def recognise(head: bytes, suffix: str = "") -> str:
     """Return the name of the format that ``head`` begins.
 
-    ``suffix`` is the file's, with its dot; ``decimal`` reads plain lists as decimal numbers.
-    Raises InputError, without the input's name, where it is nothing that is read.
+    ``suffix`` is the file's, with its dot. Raises InputError, without the input's name, where it
+    is nothing that is read.
     """
     if not head:
         return "bin"
@@ -85,7 +85,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
     refuse_words(lines)
     refuse_gutter(lines)
     _refuse_bits(lines[:FIRST_LINES])
-    if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
+    if suffix not in RAW_SUFFIXES and _is_decimal_only(lines):
         return "decimal"
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
         refuse_misread(lines)

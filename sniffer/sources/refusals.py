@@ -193,7 +193,7 @@ _LOGS: Final = tuple(
         (rb"\(-?\d[\d.,]*\)[ \t]+\S+[ \t]+[^\s#]*#", "a log line of another form", _FORM),
         (_TRACED, "a trace of system calls", _TRACE_WAY),
         (
-            rb"[\[(]?(?!b[\"'])(?:(?=bytearray)|[A-Za-z\d](?:.*[:= ,])?)" + _LITERAL,
+            rb"[\[(]?(?!b[\"'])[A-Za-z\d](?:.*[:= ,])?" + _LITERAL,
             "a log of bytes as Python shows them",
             _PRINTED,
         ),
@@ -217,6 +217,8 @@ _WIDE: Final = 32  # bytes without a mark, of which every other one is none and 
 _TEXT: Final = frozenset(b"\t\r\n" + bytes(range(32, 127)))
 _WORD_LINE: Final = later(rb"([0-9A-Fa-f]{6,8})((?: +[0-9A-Fa-f]+)+) *$")
 _UNDER: Final = later(rb" {6,}\S")  # od's second type stands under the first
+# numbers of up to three digits in columns, of which one at least has fewer: octal ones have zeros
+_TRIPLES: Final = later(rb"(?=.*  +\d)[0-9A-Fa-f]{6,8}(?: (?:  \d| [1-9]\d|[12]\d\d))+ *$")
 _SEVEN: Final = later(rb"[0-9A-Fa-f]{7} ")
 
 
@@ -230,6 +232,11 @@ def decimal_or_hex() -> InputError:
     return InputError(
         Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
     )
+
+
+def decimal_dump() -> InputError:
+    """Return the error that a dump has its bytes in decimal."""
+    return refused("a dump in decimal (od -tu1)", "dump it again with `od -v -tx1`")
 
 
 def refuse_binary(head: bytes, suffix: str = "") -> None:
@@ -268,6 +275,8 @@ def refuse_words(lines: list[bytes]) -> None:
     """Raise InputError where the lines are a dump of words: whose byte order nobody knows."""
     if len(lines) > 1 and re.match(rb"[0-9A-Fa-f]{6,8} ", lines[0]) and _UNDER.match(lines[1]):
         raise refused("a dump in several types", "dump it again with `od -v -tx1`")
+    if all(map(_TRIPLES.match, lines[:2])):
+        raise decimal_dump()
     rows = [match for line in lines[:2] if (match := _WORD_LINE.match(line))]
     # seven digits are an offset: plain hex would have an even number
     if _SEVEN.match(lines[0]) or (len(rows) == 2 and _steps(rows)):

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.limits import TIME_LEAST_NS
-from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.files import STDIN
+from sniffer.ground.limits import OFFSET_END, TIME_LEAST_NS, number_in
+from sniffer.ground.model import DamagedInputError, InputError, Mark, MarkKind
+from sniffer.messages import ANCHOR, OFFSET
 from sniffer.sources import open_source
-from sniffer.sources.opening import STDIN
 from sniffer.sources.source import Source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.ground.registers import RegisterMap
     from sniffer.ground.wiring import Wiring
+
+    _Heard = Callable[[Source, Sequence[Chunk]], Sequence[Chunk]]
 
 _AGREED = ("protocol.", "baud.", "model")
 """Facts that must be the same in all of them, or be said in one only."""
@@ -64,19 +68,25 @@ class SeveralSources(Source):
         self.notes.clear()
         damage: list[str] = []
         read = self._by_time if self._begins else self._one_by_one
-        yield from read(damage, BusOwners())
+        owners, joints = BusOwners(), _Joints()
+
+        def heard(part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
+            owners.follow(part, group)
+            return joints.told(part, group)
+
+        yield from read(damage, heard)
         for part in self._parts:
             self.notes += [f"{part.name}: {note}" for note in part.notes]
+        self.notes += joints.notes
         if damage:
             raise DamagedInputError("; ".join(damage))
 
-    def _one_by_one(self, damage: list[str], owners: BusOwners) -> Iterator[Sequence[Chunk]]:
+    def _one_by_one(self, damage: list[str], heard: _Heard) -> Iterator[Sequence[Chunk]]:
         for part in self._parts:
             for group in _undamaged(part, damage):
-                owners.follow(part, group)
-                yield group
+                yield heard(part, group)
 
-    def _by_time(self, damage: list[str], owners: BusOwners) -> Iterator[Sequence[Chunk]]:
+    def _by_time(self, damage: list[str], heard: _Heard) -> Iterator[Sequence[Chunk]]:
         """Yield what the inputs say in the order of time; one is opened when its time has come.
 
         What was read of several of them is one group: a pass costs the same whatever it holds.
@@ -102,8 +112,7 @@ class SeveralSources(Source):
             others = [other.next_ns for other in read if other is not one]
             others += [begin for _, begin in islice(waiting, 1)]
             piece = one.take(min(others, default=None))
-            owners.follow(one.part, piece)
-            merged.append(piece)
+            merged.append(heard(one.part, piece))
 
     def facts(self) -> Mapping[str, str]:
         """Return what the recordings among them know about themselves.
@@ -249,6 +258,37 @@ class BusOwners:
                     raise _overlapping(part)
                 self._past.add((bus, owner))
             self._newest[bus] = part, max(newest_ns, t_ns)
+
+
+class _Joints:
+    """Where the files of one recorder go on with a bus, and where one of them is missing."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self._ends: dict[tuple[str, ...], int] = {}
+        self._begun: set[tuple[str, Source]] = set()
+
+    def told(self, part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
+        """Return what a file says next, with a mark where bytes before it are in none."""
+        facts = part.facts()
+        if ANCHOR[0] not in facts:
+            return group  # nobody knows what it goes on with
+        recorder = tuple(facts.get(key, "") for key in ANCHOR)
+        out = list(group)
+        for nth, chunk in enumerate(group):
+            key = (*recorder, chunk.bus)
+            if (chunk.bus, part) not in self._begun:
+                self._begun.add((chunk.bus, part))
+                begin = number_in(facts.get(f"{OFFSET}.{chunk.bus}", "0"), 0, OFFSET_END) or 0
+                missing = begin - self._ends.get(key, begin)
+                if missing > 0:
+                    mark = Mark(MarkKind.SKIPPED, 0, count=missing)
+                    out[nth] = replace(chunk, marks=(mark, *chunk.marks))
+                    name = f"{chunk.bus}: {missing} bytes before {part.name}"
+                    self.notes.append(f"{name} are in none of the files")
+                self._ends[key] = begin
+            self._ends[key] += len(chunk.data)
+        return out
 
 
 class _PartRead:

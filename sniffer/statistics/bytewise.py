@@ -15,6 +15,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO, MALFORMED, UNKNOWN
+from sniffer.ground.register import TYPES
 from sniffer.protocols.base import shared_ids
 from sniffer.statistics.thinned import Thinned
 
@@ -25,10 +26,13 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 SPANS: Final = 256
-"""Spans of bytes that are followed on a bus, the first ones met: each takes up to 100 kB."""
+"""Spans of bytes that are followed on a bus, the first ones met: each takes up to 600 kB."""
 
 WIDEST: Final = 64
 """Bytes of a span that are followed: whoever reads a whole table at once reads it in such parts."""
+
+KINDS: Final = ("u8", "u16le", "i16le", "u16be", "i16be")
+"""What a field may be: the extremes of all of them are kept, as nobody knows which one it is."""
 
 KNOWN: Final = 512
 """Registers of servos whose values are kept to compare with, the first ones met."""
@@ -45,17 +49,56 @@ class ByteSpan(NamedTuple):
 
 @dataclass(slots=True)
 class SpanBytes:
-    """What was heard of one span: its bytes over time, and of each byte exact figures.
+    """What was heard of one span: its bytes over time, thinned, and exact figures of all of them.
 
-    ``series`` has times and rows of bytes. ``low`` and ``high`` are extremes, ``deltas`` how often
-    each byte changed by how much, modulo 256, from one time to the next.
+    ``series`` has times and rows of bytes. ``ends`` are the least and the most of each kind of
+    number, by the byte that it begins with, ``falls`` whether it ever became less. By byte and
+    value (0..255): ``seen`` is whether it was heard, ``deltas`` how often a byte changed by it from
+    one time to the next (modulo 256), and ``flips`` how often just these bits of it flipped.
     """
 
     series: Thinned
-    low: I64
-    high: I64
+    seen: Mask
     deltas: I64
+    flips: I64
+    ends: dict[str, tuple[I64, I64]] = field(default_factory=dict)
+    falls: dict[str, Mask] = field(default_factory=dict)
     last: I64 | None = None
+
+    @classmethod
+    def of(cls, width: int) -> SpanBytes:
+        """Return that of a span of which nothing was heard yet."""
+        many = (width, 256)
+        return cls(Thinned(), np.zeros(many, bool), np.zeros(many, int), np.zeros(many, int))
+
+    def add(self, t_ns: I64, said: I64) -> None:
+        """Take rows of bytes."""
+        self.series.add(t_ns, said)
+        if self.last is not None:
+            said = np.concatenate([self.last[None, :], said])
+        for kind in KINDS:
+            if TYPES[kind].itemsize <= said.shape[1]:
+                number = numbers(said, kind)
+                low, high = number.min(axis=0), number.max(axis=0)
+                least, most = self.ends.get(kind, (low, high))
+                self.ends[kind] = np.minimum(least, low), np.maximum(most, high)
+                falls = np.logical_or.reduce(np.diff(number, axis=0) < 0, axis=0)
+                self.falls[kind] = self.falls.get(kind, falls) | falls
+        wide = said.astype(np.int64)
+        places = np.arange(said.shape[1])
+        self.seen[places, wide] = True
+        delta = np.diff(wide, axis=0) % 256
+        at = np.broadcast_to(places, delta.shape)
+        np.add.at(self.deltas, (at, delta), 1)
+        np.add.at(self.flips, (at, wide[1:] ^ wide[:-1]), 1)
+        self.last = said[-1].copy()
+
+
+def numbers(said: I64, kind: str) -> I64:
+    """Return the numbers of one kind that begin with each byte of a span, row by row."""
+    pieces = np.lib.stride_tricks.sliding_window_view(said, TYPES[kind].itemsize, axis=1)
+    whole: I64 = np.ascontiguousarray(pieces).view(TYPES[kind])[..., 0].astype(np.int64)
+    return whole
 
 
 @dataclass(slots=True)
@@ -117,24 +160,9 @@ class LaneBytes:
                 if span not in self.spans and len(self.spans) >= SPANS:
                     continue
                 place = f.data_start[mine][:, None] + at + np.arange(wide)
-                self._hear(span, f.t_end[mine], data[place])
-
-    def _hear(self, span: ByteSpan, t_ns: I64, said: I64) -> None:
-        wide = span.length
-        heard = self.spans.get(span)
-        if heard is None:
-            edges = np.full(wide, 255), np.zeros(wide, np.int64)
-            heard = SpanBytes(Thinned(), *edges, np.zeros((wide, 256), np.int64))
-            self.spans[span] = heard
-        heard.series.add(t_ns, said)
-        heard.low = np.minimum(heard.low, said.min(axis=0))
-        heard.high = np.maximum(heard.high, said.max(axis=0))
-        wider = said.astype(np.int64)
-        if heard.last is not None:
-            wider = np.concatenate([heard.last[None, :], wider])
-        delta = np.diff(wider, axis=0) % 256
-        np.add.at(heard.deltas, (np.broadcast_to(np.arange(wide), delta.shape), delta), 1)
-        heard.last = wider[-1]
+                if span not in self.spans:
+                    self.spans[span] = SpanBytes.of(wide)
+                self.spans[span].add(f.t_end[mine], data[place])
 
     def _compare(self, batch: Batch) -> None:
         """Keep the values that are known, also those of a selection's neighbours."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from sniffer.ground.model import NS
 from sniffer.ground.register import TYPES
+from sniffer.statistics.bytewise import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -136,7 +137,7 @@ def _fields(
 ) -> Iterator[tuple[FieldGuess, I64, F64]]:
     """Yield the fields of a span: words where two bytes are one number, else single bytes."""
     t_ns, said = heard.series.columns()
-    said = said.astype(np.int64)
+    wide = said.astype(np.int64)
     k = 0
     while k < span.length:
         if not free[k]:
@@ -144,26 +145,15 @@ def _fields(
             continue
         kind = "u8"
         if k + 1 < span.length and free[k + 1]:
-            kind = _word(said[:, k], said[:, k + 1])
-        raw = _number(said, k, kind)
-        low, high = int(raw.min()), int(raw.max())
-        if kind == "u8":
-            low, high = int(heard.low[k]), int(heard.high[k])
+            kind = _word(wide[:, k], wide[:, k + 1])
+        raw = numbers(said[:, k : k + TYPES[kind].itemsize], kind)[:, 0]
+        low, high = (int(ends[k]) for ends in heard.ends[kind])
         guess = FieldGuess(
             span.servo_id, span.address + k, kind, span.is_write, heard.series.count, low, high
         )
-        _describe(guess, t_ns, raw, heard.deltas[k] if kind == "u8" else None)
+        _describe(guess, t_ns, raw, heard, k)
         yield guess, t_ns, raw.astype(np.float64)
         k += guess.width
-
-
-def _number(said: I64, k: int, kind: str) -> I64:
-    """Return the numbers of a field, byte ``k`` and those behind it."""
-    if kind == "u8":
-        number: I64 = said[:, k]
-        return number
-    pair = np.ascontiguousarray(said[:, k : k + 2].astype(np.uint8))
-    return pair.view(TYPES[kind])[:, 0].astype(np.int64)
 
 
 def _word(first: I64, second: I64) -> str:
@@ -184,51 +174,49 @@ def _word(first: I64, second: I64) -> str:
     return kind
 
 
-def _describe(guess: FieldGuess, t_ns: I64, raw: I64, deltas: I64 | None) -> None:
-    """Say what a field does by itself."""
+def _describe(guess: FieldGuess, t_ns: I64, raw: I64, heard: SpanBytes, k: int) -> None:
+    """Say what a field, from byte ``k`` on, does by itself."""
     if guess.is_constant:
         guess.what = f"always {guess.low}"
         return
-    changes = np.diff(raw)
-    if len(changes) < ENOUGH - 1:
-        guess.what = f"{guess.low}..{guess.high}"
+    guess.what = f"{guess.low}..{guess.high}"
+    if guess.count < ENOUGH:
         return
-    if deltas is not None and deltas[0] < (1 - STEADY) * deltas.sum():
+    if guess.type == "u8":
+        deltas = heard.deltas[k]
         step = int(deltas.argmax())
-        if deltas[step] >= STEADY * deltas.sum():
+        if step and deltas[step] >= STEADY * deltas.sum():
             step = step if step < 128 else step - 256
             guess.what = f"a counter: {step:+d} each time"
             return
-    values = np.unique(raw)
-    if guess.type == "u8" and len(values) <= FLAGS:
-        told = ", ".join(map(str, values.tolist()))
-        guess.what = f"one of {told}"
-        _flags(guess, raw)
-    else:
-        guess.what = f"{guess.low}..{guess.high}"
-    steady = _with_time(t_ns, raw)
+        values = np.flatnonzero(heard.seen[k])
+        if len(values) <= FLAGS:
+            guess.what = f"one of {', '.join(map(str, values.tolist()))}"
+            _flags(guess, heard.flips[k])
+    steady = None if heard.falls[guess.type][k] else _with_time(t_ns, raw)
     if steady is not None:
         guess.notes.append(f"counts with the time, {steady:.4g} a second")
 
 
-def _flags(guess: FieldGuess, raw: I64) -> None:
+def _flags(guess: FieldGuess, flips: I64) -> None:
     """Say which bits change, and which of them always do so together."""
-    flips = (raw[1:] ^ raw[:-1])[:, None] >> np.arange(8) & 1
-    moving = [k for k in range(8) if flips[:, k].any()]
+    how = np.flatnonzero(flips)
+    bits_of = how[:, None] >> np.arange(8) & 1
+    moving = [k for k in range(8) if bits_of[:, k].any()]
     groups: dict[bytes, list[int]] = {}
     for k in moving:
-        groups.setdefault(flips[:, k].tobytes(), []).append(k)
+        groups.setdefault(bits_of[:, k].tobytes(), []).append(k)
     for bits in groups.values():
-        if len(bits) > 1 and int(flips[:, bits[0]].sum()) > 1:
+        if len(bits) > 1 and int(flips[how] @ bits_of[:, bits[0]]) > 1:
             guess.notes.append(f"bits {', '.join(map(str, bits))} flip together")
     if len(groups) > 1 or (moving and len(moving) == 1):
         guess.notes.append(f"bits that change: {', '.join(map(str, moving))}")
 
 
 def _with_time(t_ns: I64, raw: I64) -> float | None:
-    """Return by how much a number grows in a second, if it does so steadily."""
+    """Return by how much a number that never falls grows in a second, if it does so steadily."""
     seconds = (t_ns - t_ns[0]) / NS
-    if seconds[-1] <= 0 or (np.diff(raw) < 0).any():
+    if seconds[-1] <= 0:
         return None
     r, slope, _ = _fit(seconds, raw.astype(np.float64))
     return slope if r is not None and r > 0.999 else None

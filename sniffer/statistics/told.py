@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.statistics.commands import wilson
 from sniffer.statistics.figures import BYTES
-from sniffer.statistics.load import profile
+from sniffer.statistics.load import SHORTEST_NS, profile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,13 +103,19 @@ def _load(told: Statistics, bus: str, wire: WireBytes, slices: EverySlice | None
     else:
         first_ns, width_ns = slices.first_ns, slices.width_ns
         sums = slices.counts["bytes"].tolist()
-    shares = [round(n * wire.byte_ns / width_ns, 6) for n in sums]
+    # the first and the last slice lie outside of what was heard by some part
+    begins = first_ns + width_ns * np.arange(len(sums))
+    ends = np.minimum(begins + width_ns, wire.last_ns)
+    shortest = min(SHORTEST_NS, width_ns, wire.span_ns)
+    heard = np.maximum(ends - np.maximum(begins, wire.last_ns - wire.span_ns), shortest)
+    busy = np.array(sums) * wire.byte_ns
+    mean = wire.bytes * wire.byte_ns / wire.span_ns
     return {
-        "mean": wire.bytes * wire.byte_ns / wire.span_ns,
-        "peak": max(shares),
+        "mean": mean,
+        "peak": max(mean, round(max(busy) / width_ns, 6)),  # of slices as long as they are told
         "first_ns": first_ns,
         "slice_ns": width_ns,
-        "shares": shares,
+        "shares": np.round(busy / heard, 6).tolist(),
     }
 
 

@@ -57,7 +57,7 @@ def dissector() -> str:
     """
     folder = resources.files("sniffer.wireshark").joinpath("engine")
     engine = "\n".join(folder.joinpath(part).read_text("utf-8") for part in ENGINE)
-    specs = {NUMBERS[name]: _spec(PROTOCOLS[name]) for name in PROTOCOLS.built_in}
+    specs = {number: _spec(PROTOCOLS[name]) for name, number in NUMBERS.items()}
     told = {"NO_TIMES": NO_TIMES, "WITHIN": WITHIN, "PROTOCOLS": specs}
     tables = "\n\n".join(f"local {name} = {lua(value)}" for name, value in told.items())
     head, _, rest = engine.partition(HERE)

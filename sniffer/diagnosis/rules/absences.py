@@ -52,7 +52,7 @@ FINDINGS: Final = (
         "torque-survives",
         "pairing",
         "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
-        "Its torque is off after power-on by the manual's default and was switched on less than half as often as it was away: who does so after most of its silences keeps it on himself; its joint follows behind the silences.",
+        "Its torque is off after power-on by the manual's default and was switched on less than half as often meanwhile as it was away: who does so after most of its silences keeps it on himself; its joint follows between the silences and behind them, and its torque is not stated as off.",
     ),
     FindingCode(
         "one-question-unanswered",
@@ -96,6 +96,9 @@ just then, and in a storm of retries that is the question that began it."""
 
 SWITCHED: Final = 0.5
 """Part of its silences behind which a servo's torque may have been switched on where it kept it."""
+
+BEHIND_NS: Final = 2 * NS
+"""How long behind its silences a joint is looked at."""
 
 CHANCE: Final = 1e-3
 
@@ -200,19 +203,24 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         joint = track(case, servo)
         if len(runs) < 2 or joint is None:
             continue
-        to_it = np.isin(w["servo_id"], [servo, *case.everyone]) & np.isin(w["register"], torque)
-        writes = int(w["n"][to_it].sum())
         mine = case.registers_of(servo, "torque_enable")
-        back = runs[0].back_ns or 0
-        after = joint.position.t_first > back
+        if not mine or mine[0].default != 0:
+            continue
+        # what was before the first silence and long behind the last one is another matter
+        first, back = runs[0].first_ns, runs[0].back_ns or 0
+        until = (runs[-1].back_ns or 0) + BEHIND_NS
+        to_it = np.isin(w["servo_id"], [servo, *case.everyone]) & np.isin(w["register"], torque)
+        writes = min(int(w["n"][to_it].sum()), _stated(case, servo, first, until))
+        after = (joint.position.t_first > back) & (joint.position.t <= until)
         moved = joint.position.high[after].max(initial=-np.inf) - joint.position.low[after].min(
             initial=np.inf
         )
-        if not mine or mine[0].default != 0:
-            continue
         if writes > SWITCHED * len(runs) or moved < 2 * joint.far:
             continue
-        if any(a.last_ns > back for a in joint.away):
+        known = case.settings("torque_enable", servo_id=servo)
+        if ((known.after == 0) & (known.t_ns >= first) & (known.t_ns <= until)).any():
+            continue  # it is read, or switched, off meanwhile
+        if any(a.last_ns > back and a.first_ns < until for a in joint.away):
             continue
         yield _told(
             "torque-survives",
@@ -223,6 +231,14 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             # who switches it on when it is back may do so behind some of the silences only
             1.0 if w["t_last"][to_it].max(initial=0) <= back else 1.0 - writes / len(runs),
         )
+
+
+def _stated(case: Case, servo: int, first_ns: int, until_ns: int) -> int:
+    """Return how often the torque of a servo was stated in a stretch, by a write or an answer."""
+    stated = [case.series(who, "torque_enable") for who in (servo, *case.everyone)]
+    return sum(
+        int(one.n[(one.t >= first_ns) & (one.t_first <= until_ns)].sum()) for one in stated if one
+    )
 
 
 def one_question(case: Case) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import may_be_torn
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.tracks import in_force, track
 from sniffer.ground.model import NS
@@ -101,25 +102,31 @@ def complaints(case: Case) -> Iterator[Finding]:
                 count,
                 f"servo {servo} reports {words} {when}{before}",
                 case.places(case.anomalies(code, servo_id=servo), f"servo {servo}: {words}", 2),
-                strength=_sure(case, code, servo, count, first),
+                strength=_sure(case, code, servo, count),
                 brief=_BRIEF.get(code, f"servo {{}} reports {words}").format(servo),
                 episodes=spans,
             )
 
 
-def _sure(case: Case, code: str, servo: int, count: int, t_ns: int) -> float:
+def _sure(case: Case, code: str, servo: int, count: int) -> float:
     """Return how sure it is that a servo said so.
 
-    Of frames that are torn some hold by chance, and say anything: once, and not in the next answer,
+    Of frames that are torn some hold by chance, and say anything: as seldom, and not in the next answer,
     or, where two senders tear them alike, time and again, and seldom as an answer that is due.
     """
     is_torn = int(case.damage["n"].sum()) >= TORN
-    if count > 1:
-        stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
-        is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
-        return BY_CHANCE if is_torn else 1.0
-    back = case.anomalies("device-recovered", servo_id=servo).t_ns
-    return BY_CHANCE if is_torn and ((back >= t_ns) & (back <= t_ns + MOMENT_NS)).any() else 0.8
+    said = case.anomalies(code, servo_id=servo).t_ns
+    back = np.sort(case.anomalies("device-recovered", servo_id=servo).t_ns)
+    behind = np.searchsorted(back, said)
+    is_over = behind < len(back)
+    is_over[is_over] = back[behind[is_over]] <= said[is_over] + MOMENT_NS
+    if is_torn and is_over.all() and (count == 1 or may_be_torn(case, count)):
+        return BY_CHANCE
+    if count == 1:
+        return 0.8
+    stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
+    is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
+    return BY_CHANCE if is_torn else 1.0
 
 
 def _commanded(case: Case, servo: int, t_ns: int) -> str:

@@ -9,9 +9,10 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.chances import at_least, so_even, sureness
+from sniffer.diagnosis.chances import at_least, so_alike, sureness
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.silences import of_one_length
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import MS, NEVER_NS, NS
 
@@ -45,7 +46,7 @@ FINDINGS: Final = (
         "away-alike",
         "pairing",
         "A servo is away for about as long each time.",
-        "At least four silences of several requests, none shorter than a quarter of the longest; it counts as much as what ends at any time is seldom so alike.",
+        "At least four silences, all of which may have been of one length, half of it or twice as much; it counts as much as what ends at any time is seldom so even.",
     ),
     FindingCode(
         "back-too-soon",
@@ -71,11 +72,13 @@ SAME: Final = 0.75
 RUNS: Final = 4
 SHORTER: Final = 4
 MANY_SHORT: Final = 0.2
-"""Silences that tell, how many times shorter than the longest a short one is, and which part of
-them is short where they are of all lengths: who starts anew takes about as long each time."""
+"""How many times shorter than the longest a short silence is, and which part of them is short where
+they are of all lengths: who starts anew takes about as long each time."""
 
+AS_LIKELY: Final = 0.5
 SELDOM_ALIKE: Final = 1e-3
-"""How likely silences that end at any time may be so alike by chance where that counts in full."""
+"""How likely silences that end at any time may be so alike by chance where that tells nothing, and
+where it counts in full."""
 
 START_NS: Final = 60 * MS
 """No servo here starts sooner: wCK names 65 ms, and has the shortest start."""
@@ -268,15 +271,12 @@ def lengths(case: Case) -> Iterator[Finding]:
             continue
         spans = np.array([run.lasted_ns for run in runs])
         # one request in vain is a silence of no known length: it ends when the next one is made
-        longest = int(
-            max((s for s, run in zip(spans, runs, strict=True) if run.missed > 1), default=0)
-        )
+        longest = max((run.lasted_ns for run in runs if run.missed > 1), default=0)
         short = int((spans * SHORTER < longest).sum())
         uneven = short >= max(MOMENTS, MANY_SHORT * len(runs))
-        if not uneven and (short or np.median([run.missed for run in runs]) < LEAST):
+        chance = so_alike([run.bounds_ns for run in runs])
+        if not uneven and (chance > AS_LIKELY or not of_one_length(runs, case.latency_ns).all()):
             continue
-        # somewhere within a turn it left, and somewhere within one it was back
-        certain = [span * (1 - 0.5 / run.missed) for span, run in zip(spans, runs, strict=True)]
         yield Finding(
             "away-unevenly" if uneven else "away-alike",
             servo,
@@ -285,9 +285,7 @@ def lengths(case: Case) -> Iterator[Finding]:
             len(runs),
             f"of {len(runs)} silences of servo {servo} {short} are shorter than a quarter of the "
             f"longest ({spans.min() / 1e6:.0f} to {longest / 1e6:.0f} ms)",
-            strength=min(0.5 + short / 10, 1.0)
-            if uneven
-            else sureness(so_even(certain), SELDOM_ALIKE),
+            strength=min(0.5 + short / 10, 1.0) if uneven else sureness(chance, SELDOM_ALIKE),
         )
 
 

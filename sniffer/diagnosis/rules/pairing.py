@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.chances import so_even, sureness
+from sniffer.diagnosis.chances import so_alike, sureness
 from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.questions import is_one_question
+from sniffer.diagnosis.silences import of_one_length
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
-    from sniffer.ground.model import F64, I64
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -46,7 +48,7 @@ FINDINGS: Final = (
         "away-again-and-again",
         "pairing",
         "A servo goes away for a moment and comes back, time and again, for about as long each time.",
-        "At least three such silences, nine tenths of them within a factor of eight, and single losses at most twice as often.",
+        "At least three such silences, nine tenths of which may have been of one length, half of it or twice as much, single losses among them where others hardly have any, and these at most twice as often.",
     ),
     FindingCode(
         "misses-now-and-then",
@@ -93,7 +95,7 @@ CHANCE: Final = 3.0
 SWEEP: Final = 5
 """Ids without a servo, asked about alike: somebody looks who is there."""
 
-ALIKE: Final = 8
+MOST: Final = 0.9
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
 
 LONG_MS: Final = 10_000
@@ -105,13 +107,11 @@ BOOT_MS: Final = 1000.0
 LONG: Final = 0.5
 """How much it counts if they stay away for longer."""
 
-UNLIKE: Final = 0.3
-"""How much it counts if they stay away for now a short, now a long time."""
+UNKNOWN: Final = 0.3
+"""How much it counts if it is asked too seldom to tell how long it stays away."""
 
-EXPONENTIAL: Final = 0.9
-SAME: Final = 0.4
-"""How much times vary that nothing determines, as part of their mean; from so much less on they are
-alike."""
+SELDOM_ALIKE: Final = 0.05
+"""How likely silences that end at any time may be so alike where that counts in full."""
 
 OUTAGES: Final = 6
 """Outages whose rhythm can be told."""
@@ -211,8 +211,8 @@ def silences(case: Case) -> Iterator[Finding]:
         away = _outages(case, servo)
         if away:
             yield _away(servo, away)
-            if len(away) >= AGAIN and _alike(away) and not _mostly_short(case, servo, away):
-                yield _again(servo, away)
+            if len(away) >= AGAIN and not _mostly_short(case, servo, away):
+                yield from _again(case, servo, away)
         if len(away) < AGAIN:
             yield from _now_and_then(case, servo)
         yield from _rhythm(case, servo)
@@ -237,10 +237,11 @@ def _outages(case: Case, servo: int) -> list[Silence]:
     return []
 
 
-def _alike(away: Sequence[Silence]) -> bool:
-    spans = np.array([s.lasted_ns for s in away], np.int64)
-    low, high = np.quantile(spans, (0.05, 0.95))
-    return bool(high <= ALIKE * low)
+def _times_away(case: Case, servo: int, away: Sequence[Silence]) -> Sequence[Silence]:
+    """Return how often a servo was away, for one request as well where others hardly miss one."""
+    kept = case.ledger.silences
+    single = kept.lengths(servo)[0]
+    return kept.runs(servo) if single > CHANCE * _usual(case, servo) else away
 
 
 def _mostly_short(case: Case, servo: int, away: Sequence[Silence]) -> bool:
@@ -250,10 +251,14 @@ def _mostly_short(case: Case, servo: int, away: Sequence[Silence]) -> bool:
     misses one request.
     """
     single = case.ledger.silences.lengths(servo)[0]
-    others = case.total("asked") - case.total("asked", servo)
-    usual = (case.total("missing") - case.total("missing", servo)) / max(others, 1)
     least = min(s.missed for s in away)
-    return least > 2 and single > 2 * len(away) + usual * case.total("asked", servo)
+    return least > 2 and single > 2 * len(away) + _usual(case, servo)
+
+
+def _usual(case: Case, servo: int) -> float:
+    """Return how many requests a servo would miss if it missed as many as the others."""
+    missing, asked = case.total("missing", servo), case.total("asked", servo)
+    return (case.total("missing") - missing) / max(case.total("asked") - asked, 1) * asked
 
 
 def _away(servo: int, away: Sequence[Silence]) -> Finding:
@@ -280,10 +285,13 @@ def _away(servo: int, away: Sequence[Silence]) -> Finding:
     )
 
 
-def _again(servo: int, away: Sequence[Silence]) -> Finding:
+def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]:
+    every = _times_away(case, servo, away)
+    if of_one_length(every, case.latency_ns).mean() < MOST:
+        return
     spans = np.array([s.lasted_ns for s in away]) / 1e6
     apart = np.diff([s.first_ns for s in away]) / NS
-    return Finding(
+    yield Finding(
         "away-again-and-again",
         servo,
         away[0].first_ns,
@@ -293,14 +301,9 @@ def _again(servo: int, away: Sequence[Silence]) -> Finding:
         f"({spans.min():.0f} to {spans.max():.0f}), every {np.median(apart):.2g} s or so",
         strength=min(0.55 + 0.15 * len(away), 1.0)
         * (LONG if np.median(spans) > BOOT_MS else 1.0)
-        * min(max((EXPONENTIAL - _spread(spans)) / SAME, UNLIKE), 1.0),
+        * max(sureness(so_alike([s.bounds_ns for s in every]), SELDOM_ALIKE), UNKNOWN),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )
-
-
-def _spread(numbers: F64) -> float:
-    """Return the standard deviation of positive numbers as part of their mean."""
-    return float(numbers.std() / max(float(numbers.mean()), 1e-9))
 
 
 def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
@@ -311,13 +314,18 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
     # from its return on: while it is away it cannot leave again, however it does that
     ends = [run.first_ns if run.back_ns is None else run.back_ns for run in runs]
     apart = np.array([b.first_ns - end for end, b in zip(ends, runs[1:], strict=False)], np.float64)
-    spread, chance = _spread(apart), so_even(apart.tolist())
+    spread = float(apart.std() / max(float(apart.mean()), 1e-9))
     # of a Poisson process it is 1; by chance less, the fewer there are
     even, uneven = EVEN - 1 / len(runs), UNEVEN
     if even < spread < uneven:
         return
     if spread <= even:
-        how, strength = "evenly, as restarts do", sureness(chance, SELDOM)
+        # who is asked seldom has it for one turn or two, and that is no pace
+        known = [
+            (float(b.before_ns - end), float(b.first_ns - a.last_ns))
+            for (a, b), end in zip(pairwise(runs), ends, strict=False)
+        ]
+        how, strength = "evenly, as restarts do", sureness(so_alike(known), SELDOM)
     else:
         how, strength = (
             "at any time, as a contact opens",

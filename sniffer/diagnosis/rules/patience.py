@@ -111,15 +111,11 @@ def hasty(case: Case) -> Iterator[Finding]:
     known = _shortest(case)
     if exchanges.in_flight > PIPED * case.total("ok"):
         return  # it asks several at once, and they answer in turn
-    shown = []
-    judged = 0
-    for f in exchanges.failed:
-        if f.kind not in known or f.outcome not in (NO_RESPONSE, DAMAGED):
-            continue
-        judged += 1
-        if f.wait_ns + f.unsure_ns < known[f.kind]:
-            shown.append(f)
-    if len(shown) < max(ENOUGH, PART_TORN * judged):
+    failed = [f for f in exchanges.failed if f.outcome in (NO_RESPONSE, DAMAGED)]
+    echo = case.anomalies("adapter-echo").t_ns[:1]  # until it is known, it is taken for a request
+    judged = [f for f in failed if f.kind in known and not (f.t_ns <= echo).any()]
+    shown = [f for f in judged if f.wait_ns + f.unsure_ns < known[f.kind]]
+    if len(shown) < max(ENOUGH, PART_TORN * len(judged)):
         return
     most = max(f.wait_ns for f in shown)
     least_ns = min(known[f.kind] for f in shown)
@@ -129,7 +125,7 @@ def hasty(case: Case) -> Iterator[Finding]:
         shown[0].t_ns,
         shown[-1].t_ns,
         len(shown),
-        f"{len(shown)} of {judged} requests whose answers failed are followed by the next one within "
+        f"{len(shown)} of {len(judged)} requests whose answers failed are followed by the next one within "
         f"{most / MS:.2f} ms, and an answer takes at least {least_ns / MS:.2f} ms",
         tuple(Place(f.at, f.length, f.t_ns, "the next request comes too soon") for f in shown[:3]),
         strength=min(0.5 + len(shown) / 10, 1.0),

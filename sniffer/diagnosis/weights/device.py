@@ -98,7 +98,7 @@ WEIGHTS: Final = (
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.2, "it goes away at even times, as restarts come"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
-        ("torque-survives", -3.0, "its torque is on when it is back: it was not without power"),
+        ("torque-survives", -5.0, "its torque is on when it is back: it was not without power"),
         ("voltage-sag", -2.5, "its supply is low then"),
         ("device-safe-mode", -1.5, "it protects itself first: something is wrong around it"),
         ("device-input-voltage", -2.5, "it complains of its supply"),
@@ -180,6 +180,7 @@ WEIGHTS: Final = (
     ),
     *for_(
         "stall",
+        ("writes-part", -2.5, "it is told half a goal: it is where it was told to be"),
         ("joint-stalled", 4.0, "it pushes, far from its goal, and does not move"),
         ("device-blocked", 3.0, "it says that it cannot move"),
         ("stuck-before-alarm", 2.5, "it stood still under its goals when it complained"),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import F64, I64, Severity
 from sniffer.sinks.rerun.layout import mixed
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from sniffer.ground.colours import Rgb
     from sniffer.ground.model import Anomaly
     from sniffer.sinks.rerun.plots import Track
-
-DATED_NS: Final = 946_684_800_000_000_000
-"""2000-01-01: earlier times count from the start of a capture and are shown as a duration."""
 
 LEVELS: Final = {Severity.NOTE: "INFO", Severity.WARN: "WARN", Severity.ERROR: "ERROR"}
 Shape = Literal["Cross", "Down"]

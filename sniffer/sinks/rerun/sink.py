@@ -3,8 +3,7 @@
 Values become ``Scalars`` at ``/<bus>/servo/<id>/<register>``, whole columns at a time; enumerated
 registers and alarms become ``StateChange``, only where they change; anomalies become ``TextLog`` at
 ``/<bus>/anomalies``, incidents at ``/<bus>/incidents`` and at their servos. A packet without a
-value adds nothing, so no line drops to zero. rerun is imported when a sink is made, not before.
-Written for rerun-sdk 0.41.
+value adds nothing, so no line drops to zero. rerun (0.41) is imported when a sink is made.
 """
 
 from __future__ import annotations
@@ -22,9 +21,10 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.colours import GREY, Colours
 from sniffer.ground.files import open_binary
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
+from sniffer.sinks.rerun.entities import ALARM, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint

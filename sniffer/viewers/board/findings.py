@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import datetime
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.cells import cell_len
 
 from sniffer.decoding.called import ServoNames
-from sniffer.ground.model import MS, NS
+from sniffer.ground.moments import of_day
 from sniffer.ground.wording import plain
 from sniffer.viewers.board.cells import WIDE, Cell, fitted
 from sniffer.viewers.board.state import RECENT_NS
@@ -102,11 +101,10 @@ class FindingLines:
 
     def _line(self, told: _Words, style: str, named: str, text: str) -> Line:
         """Return a line; ``named`` is the style of bus and code, empty for their own."""
-        moment = datetime.datetime.fromtimestamp(told.t_ns // NS, datetime.UTC)
         level = told.severity.name.lower()
         out: Line = [
             (f"{told.who:>3}  ", style or "id"),
-            (f"{moment:%H:%M:%S}.{told.t_ns % NS // MS:03d}  ", style),
+            (f"{of_day(told.t_ns)}  ", style),
             (f"{level:5}  ", named or level),
         ]
         if self._name:
