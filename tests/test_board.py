@@ -261,6 +261,32 @@ def test_the_plain_line_is_keys_and_values_in_one_order() -> None:
     assert "\n" not in text
 
 
+def test_a_bus_that_two_ports_hear_is_one() -> None:
+    w = wire("arm", "mightyzap")
+    board, heard = shown_by(w), w.status()
+    quiet = dataclasses.replace(heard, port="/dev/ttyUSB7", bytes=0, state="silent", line_errors=2)
+    one, both = status_of(heard), status_of(heard, quiet)
+    assert line(both, board) == line(one, board).replace("unknown", "2")
+    for lines in (lines_of(board, both, 140, 24), statistics(both, board).split("\n")):
+        assert sum(text.startswith("arm ") for text in lines) == 1
+        assert sum(" mm " in text and text.startswith("  2 ") for text in lines) == 1
+        assert any("/by-id/arm+ttyUSB7 " in text for text in lines)
+    away = dataclasses.replace(quiet, state="away")
+    assert " silent=0 away=1 " in line(status_of(heard, away), board)
+    still = dataclasses.replace(heard, state="silent")
+    assert " silent=1 away=0 " in line(status_of(still, quiet), board)
+
+
+def test_the_statistics_of_a_bus_that_two_protocols_share_have_the_servos_of_both() -> None:
+    board, w = Board(), wire("arm", "mightyzap")
+    for batch in w.batches:
+        board.write("arm", PROTOCOLS["mightyzap"], dataclasses.replace(batch, is_shared=True))
+    status = status_of(w.status())
+    told = statistics(status, board).split("\n")
+    assert any(text.startswith("arm.mightyz…") for text in told)
+    assert row_of(told, 1)
+
+
 @pytest.mark.parametrize("width", [80, 140])
 def test_an_incident_has_a_line_with_its_cause_and_comes_before_what_it_explains(
     width: int,

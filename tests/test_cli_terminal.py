@@ -13,7 +13,7 @@ import pytest
 from rich.cells import cell_len
 
 from sniffer.sinks.text import WIDE
-from tests.commands import COMMAND, environment, talk, within
+from tests.commands import COMMAND, environment, talk, two_buses, within
 from tests.terminals import PATIENCE_S
 from tests.test_cli_text import ANSI, CAPTURES, rows_of, sample, shown, table_of
 
@@ -113,6 +113,17 @@ def test_times_count_from_the_first_line_or_from_the_line_before(
         text = shown(capsys, monkeypatch, path, width, "--time", how)
         told = [line.split()[0] for line in table_of(text)[1]]
         assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
+
+
+def test_a_line_counts_from_the_one_before_of_its_bus(tmp_path: Path, capsys: Capsys) -> None:
+    path = two_buses(tmp_path / "two.log", CAPTURES / "mightyzap_damaged.log")
+    asked = ("decode", path, "--time", "delta", "--kind", "request")
+    both = within(capsys, *asked).out.splitlines()
+    alone = within(capsys, *asked, "--where", "bus = 'leg'").out.splitlines()
+    of_leg = [[line for line in lines if " leg " in line] for lines in (both, alone)]
+    assert of_leg[0] == of_leg[1]
+    assert len(of_leg[0]) > 5
+    assert "line before of the same bus" in " ".join(within(capsys, "decode", "--help").out.split())
 
 
 def test_the_widths_that_the_readme_names_are_those_of_the_table(tmp_path: Path) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import tempfile
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import sniffer
@@ -281,11 +282,12 @@ def test_a_serial_number_under_a_checksum_is_left_out_and_the_frame_holds() -> N
     assert told == packet(1, 0, bytes(4))
 
 
+@example(data=bytes(60), cuts=[35])
 @given(data=st.binary(max_size=60), cuts=st.lists(st.integers(0, 60), max_size=6))
 def test_what_stands_over_a_stream_does_so_however_it_is_cut(data: bytes, cuts: list[int]) -> None:
     from sniffer.jobs.anonymous import Blanks
 
-    found = [(3, b"abc"), (10, b"de"), (30, b"fghijkl"), (58, b"mnopq")]
+    found = [(3, b"abc"), (10, b"de"), (28, b"ABCDEFGHIJ"), (30, b"fg"), (58, b"mnopq")]
     want = bytearray(data)
     for at, text in found:
         want[at : at + len(text)] = text[: max(len(data) - at, 0)]
@@ -293,6 +295,18 @@ def test_what_stands_over_a_stream_does_so_however_it_is_cut(data: bytes, cuts: 
     blanks = Blanks(found)
     got = [blanks.of(data[a:b]) for a, b in itertools.pairwise(edges)]
     assert b"".join(got) == want[: len(data)]
+
+
+def test_what_is_still_to_come_costs_no_piece_of_a_stream_anything() -> None:
+    from sniffer.jobs.anonymous import Blanks
+
+    blanks = Blanks([(at, b"0") for at in range(0, 100_000, 5)])
+    tracemalloc.start()
+    try:
+        assert blanks.of(b"12345678") == b"02345078"
+        assert tracemalloc.get_traced_memory()[1] < 20_000
+    finally:
+        tracemalloc.stop()
 
 
 # --- what a recording says of itself -----------------------------------------------------------

@@ -127,7 +127,9 @@ def test_words_and_expressions_say_the_same(index: CaptureIndex) -> None:
         assert both[0] & frames <= both[1], words
 
 
-@pytest.mark.parametrize("text", ["servo=x", "foo=3", "((", "kind=nobody", "servo_id ="])
+@pytest.mark.parametrize(
+    "text", ["servo=x", "servo=²", "servo=256", "foo=3", "((", "kind=nobody", "servo_id ="]
+)
 def test_what_is_no_filter_is_told_in_a_line(text: str) -> None:
     with pytest.raises(InputError) as told:
         filter_of(text)
@@ -207,6 +209,7 @@ def test_the_first_error_is_that_of_the_lines_shown(exchanges: bool, index: Capt
         ("99999", "behind the end"),
         ("@999999", "byte 999999 is not there: bus0 has 18442 so far"),
         ("#0", "behind the end"),
+        ("#" + "9" * 5000, "is no place in a capture"),
         ("over there", "is no place in a capture: write it like 10"),
         ("@anomaly:99999", "anomalies were found so far"),
         ("@clock-step", "none was found so far"),

@@ -9,7 +9,11 @@ import pytest
 from mcap.reader import make_reader
 
 import sniffer
-from sniffer.ground.model import OutputError
+from sniffer.decoding.options import Options
+from sniffer.ground.model import InputError, OutputError
+from sniffer.inside import session
+from sniffer.inside.app import LookingGlass
+from sniffer.inside.index import CaptureIndex
 from sniffer.inside.marks import (
     NotedMark,
     into_recording,
@@ -18,11 +22,12 @@ from sniffer.inside.marks import (
     read_marks,
     write_marks,
 )
+from sniffer.inside.notes import Notes
 from tests.commands import sniffer as command
 
 CAPTURE: Final = Path(__file__).parents[1] / "sample_captures" / "mightyzap_clean.log"
 ONE: Final = NotedMark(1, "bus0", 9, "the knee gave way")
-TWO: Final = NotedMark(2, "bus0", 18, "hörte auf ◆")
+TWO: Final = NotedMark(2, "bus0", 18, "hörte auf ◆\u2028dann\x85nicht")
 
 
 @pytest.fixture
@@ -86,3 +91,22 @@ def test_a_recording_without_its_end_is_left_as_it_is_and_the_marks_beside(recor
         mark(recording, ONE)
     assert recording.read_bytes() == torn
     assert marks_of(recording) == [ONE]
+
+
+def test_a_file_that_is_none_of_marks_stays_as_it_is(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = marks_file(recording)
+    mark.write_text("the knee gave way\n", encoding="utf-8")
+    notes = Notes(recording)
+    with pytest.raises(InputError, match="line 1: this is no mark"):
+        notes.load()
+    index = CaptureIndex()
+    monkeypatch.setattr("sniffer.inside.notes.mark_at", lambda *_: ONE)
+    with pytest.raises(OutputError, match="no file to keep marks beside"):
+        notes.add(index, 0, ONE.note)
+    index.discard()
+    monkeypatch.setattr(session, "need_terminal", lambda *_: None)
+    monkeypatch.setattr(LookingGlass, "run", lambda _: None)
+    session.look_inside(str(recording), Options())
+    assert mark.read_text(encoding="utf-8") == "the knee gave way\n"

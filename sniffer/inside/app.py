@@ -133,15 +133,16 @@ class LookingGlass(App[None]):
 
     def _tick(self) -> None:
         """Show what has come since; go on with what takes long."""
+        line = self.list.line
         self.view.steps()
+        if self._wanted is None and line not in (-1, self.list.line) and not self._follow:
+            self._wanted = line  # one before it came or went
         before = self.list.virtual_size.height
         self.list.grown()
-        if self._wanted is not None and (
-            self.view.judged > self._wanted or not self.view.is_behind
-        ):
+        if self._wanted is not None and self.view.knows(self._wanted):
             wanted, self._wanted = self._wanted, None
             self.list.go(self.view.position(wanted), by_hand=False, middle=True)
-        elif self.view.count > before and (self._follow or not before):
+        elif self.view.count != before and (self._follow or not before):
             self.list.go(self.view.count - 1 if self._follow else self.list.cursor, by_hand=False)
         if self._start:
             self._begin_there()
@@ -308,7 +309,7 @@ class LookingGlass(App[None]):
             else:
                 self.say(f"looking for {self._start} …")
             return
-        if not self.view.is_behind or self.view.judged > line:
+        if self.view.knows(line):
             self._start = ""
             self.status.say("")
             self._go(line)

@@ -11,6 +11,7 @@ import numpy as np
 from sniffer.anomalies.found import CODES
 from sniffer.decoding.called import ServoNames
 from sniffer.ground.codes import KINDS, OUTCOMES
+from sniffer.ground.limits import IDS, number_in
 from sniffer.ground.model import InputError, Severity
 from sniffer.ground.wording import nearly, offered
 from sniffer.inside.selecting import SelectionFilter
@@ -109,7 +110,7 @@ def completions(index: CaptureIndex) -> dict[str, list[str]]:
         "kind": list(KIND_NAMES),
         "op": sorted(index.ops),
         "code": [CODES[c] for c in codes.tolist()],
-        "bus": list(index.buses),
+        "bus": list(dict.fromkeys([*index.wires, *index.buses])),
         "outcome": list(OUTCOMES),
         "severity": list(SEVERITIES),
     }
@@ -140,7 +141,7 @@ def _word(key: str, sign: str, value: str, names: ServoNames) -> FilterWord:
         if key in known and name.replace("-", "_") not in {k.replace("-", "_") for k in known[key]}:
             near = nearly(name[:40], known[key]) or f": one of {', '.join(known[key][:8])}"
             raise InputError(f"{key} {name[:40]!r} is not known{near}")
-        if key == "servo" and not name.isdigit():
+        if key == "servo" and _id(name) is None:
             if not names:
                 raise InputError(f"servo {name[:40]!r} is no id: write servo=3,5")
             try:
@@ -152,12 +153,17 @@ def _word(key: str, sign: str, value: str, names: ServoNames) -> FilterWord:
 
 def _of_servos(index: CaptureIndex, lines: Table, named: Sequence[str]) -> Mask:
     """Tell which lines are of servos that are told by id or name; each bus has names of its own."""
-    met: Mask = np.isin(lines["servo"], [int(name) for name in named if name.isdigit()])
-    for name in (name for name in named if not name.isdigit()):
+    ids = [servo for name in named if (servo := _id(name)) is not None]
+    met: Mask = np.isin(lines["servo"], ids)
+    for name in (name for name in named if _id(name) is None):
         for number, bus in enumerate(index.buses):
             ids = index.names.ids(bus, name)
             met |= (lines["bus"] == number) & np.isin(lines["servo"], ids)
     return met
+
+
+def _id(name: str) -> int | None:
+    return number_in(name, 0, IDS - 1)
 
 
 def _wanted(index: CaptureIndex, word: FilterWord) -> tuple[str, list[int]]:
@@ -170,7 +176,7 @@ def _wanted(index: CaptureIndex, word: FilterWord) -> tuple[str, list[int]]:
         case "severity":
             return "severity", [n + 1 for n in _numbers(SEVERITIES, word.named)]
         case "bus":
-            return "bus", _numbers(index.buses, word.named)
+            return "bus", _numbers(index.buses, word.named) + _numbers(index.wires, word.named)
         case _:
             return "op", _numbers(index.ops, word.named)
 
@@ -188,4 +194,6 @@ def _coded(index: CaptureIndex, numbers: I64, named: Sequence[str]) -> Mask:
 
 
 def _is_run(numbers: I64) -> bool:
-    return len(numbers) > 0 and int(numbers[-1]) - int(numbers[0]) + 1 == len(numbers)
+    """Tell whether each number follows the one before: other halves of exchanges are no run."""
+    spans = len(numbers) > 0 and int(numbers[-1]) - int(numbers[0]) + 1 == len(numbers)
+    return spans and bool((np.diff(numbers) == 1).all())

@@ -8,7 +8,6 @@ Lines are in the order of time, of all buses together. One thread fills it; othe
 
 from __future__ import annotations
 
-import threading
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -39,26 +38,31 @@ _SEVERITIES: Final = np.array(SEVERITY, np.uint8) + 1
 class CaptureIndex:
     """Takes batches; ``settle`` shows what has come since.
 
-    ``buses`` are the names of buses (with the protocol, where two share one), ``ops`` the commands
-    met, ``protocols`` the protocol of each bus.
+    ``buses`` are the names of buses (with the protocol, where two share one), ``wires`` those that
+    they have elsewhere, ``ops`` the commands met, ``protocols`` the protocol of each bus.
     """
 
     def __init__(self) -> None:
         self.names = ServoNames()
         """What servos are called."""
         self.buses: list[str] = []
+        self.wires: list[str] = []
         self.protocols: list[BusProtocol] = []
         self.ops: list[str] = []
         self.pages = Pages()
         self.bytes = 0
         self.has_clock = False
+        self.settled = 0
+        """Lines of which is known what became of them and what was found; ``lines`` may have more
+        by then."""
         self._lines = Growing(LINE)
         self._found = Growing(FOUND)
+        self._changed = Growing(np.int64)
+        self._lowest = 0
         self._waiting: list[tuple[int, int, Batch, Table]] = []
         self._boards: dict[int, Board] = {}
         self._op_of: dict[tuple[int, int], int] = {}
         self._op_names: dict[str, int] = {}
-        self._changed = threading.Event()
 
     @property
     def lines(self) -> Table:
@@ -70,6 +74,12 @@ class CaptureIndex:
         """The anomalies that are known by now."""
         return self._found.rows
 
+    @property
+    def changed(self) -> I64:
+        """From which line on each ``settle`` has changed lines or added some: only ever longer."""
+        rows: I64 = self._changed.rows
+        return rows
+
     def call(self, names: ServoNames) -> None:
         """Take what servos are called."""
         self.names = names
@@ -80,7 +90,7 @@ class CaptureIndex:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Put a batch away; its lines wait for ``settle``."""
-        number = self._bus(bus_of(bus, protocol, batch), protocol)
+        number = self._bus(bus_of(bus, protocol, batch), bus, protocol)
         self.has_clock |= bool(batch.clock)
         board = self._boards.setdefault(number, {})
         page = self.pages.put(Page(number, protocol, batch, board))
@@ -101,6 +111,7 @@ class CaptureIndex:
         self.pages.close()
         self._lines.close()
         self._found.close()
+        self._changed.close()
 
     def settle(self) -> None:
         """Put the lines that wait in the order of time, and show them."""
@@ -114,7 +125,7 @@ class CaptureIndex:
             [np.maximum.accumulate(t["t"]) if len(t) else t["t"] for t in tables]
         )
         order = np.lexsort((every["at"], clock)) if len(waiting) > 1 else np.arange(len(every))
-        first = len(self._lines)
+        self._lowest = first = len(self._lines)
         place = np.empty(len(every), np.int64)
         place[order] = np.arange(first, first + len(every))
         self._lines.append(every[order])
@@ -127,7 +138,9 @@ class CaptureIndex:
             rows[table["row"][is_frame]] = mine[is_frame]
             self._pair(batch, number, rows)
             self._judge(batch, number, page)
-        self._changed.set()
+        # in this order: who judged a line before its finding came is told to judge it again
+        self._changed.append([self._lowest])
+        self.settled = len(self._lines)
 
     def line_at(self, bus: int, offset: I64 | int) -> I64:
         """Return the lines near the end that hold offsets of a bus, -1 where none does."""
@@ -140,9 +153,10 @@ class CaptureIndex:
         k = np.searchsorted(tail["at"][mine], wanted, "right") - 1
         return np.where(k >= 0, mine[np.maximum(k, 0)] + first, -1)
 
-    def _bus(self, name: str, protocol: BusProtocol) -> int:
+    def _bus(self, name: str, wire: str, protocol: BusProtocol) -> int:
         if name not in self.buses:
             self.protocols.append(protocol)
+            self.wires.append(wire)
             self.buses.append(name)
         return self.buses.index(name)
 
@@ -197,6 +211,8 @@ class CaptureIndex:
             told = batch.asked(t.request[earlier])
             asked[earlier] = self.line_at(bus, told.start + batch.base)
         said = np.where(t.response >= 0, rows[np.maximum(t.response, 0)] if len(rows) else -1, -1)
+        self._touch(asked)
+        self._touch(said)
         lines = self._lines.rows
         both = (asked >= 0) & (said >= 0)
         lines["partner"][asked[both]], lines["partner"][said[both]] = said[both], asked[both]
@@ -224,6 +240,12 @@ class CaptureIndex:
         known = line >= 0
         lines = self._lines.rows
         np.maximum.at(lines["severity"], line[known], out["severity"][known])
+        self._touch(line)
+        self._touch(lines["partner"][line[known]])  # an exchange is shown by either half
+
+    def _touch(self, lines: I64) -> None:
+        """Note down that lines have changed; -1 is none."""
+        self._lowest = min(self._lowest, int(lines[lines >= 0].min(initial=self._lowest)))
 
     @staticmethod
     def _learn(board: Board, batch: Batch) -> None:

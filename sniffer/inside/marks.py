@@ -42,13 +42,14 @@ def read_marks(path: Path) -> list[NotedMark]:
         InputError: it is no file of marks.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            lines = list(file)  # a note may hold what ends a line elsewhere: U+2028
     except FileNotFoundError:
         return []
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: the marks cannot be read ({error})") from None
     out = []
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         try:
             out.append(_mark(json.loads(line)))
         except (ValueError, KeyError, TypeError):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.ground.model import OutputError
+from sniffer.ground.model import InputError, OutputError
 from sniffer.inside.marks import NotedMark, mark_at, marks_file, marks_of, write_marks
 
 if TYPE_CHECKING:
@@ -30,7 +30,11 @@ class Notes:
             InputError: the file is none of marks.
         """
         if self._capture is not None:
-            self.marks = marks_of(self._capture)
+            try:
+                self.marks = marks_of(self._capture)
+            except InputError:
+                self._capture = None  # they are not written over
+                raise
 
     def lines(self, index: CaptureIndex) -> dict[int, str]:
         """Return the notes by line, as far as the capture is read."""

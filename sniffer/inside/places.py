@@ -40,7 +40,7 @@ def line_of(
     lines = index.lines
     if not len(lines):
         raise InputError("there is nothing yet")
-    if found := re.fullmatch(r"#(\d+)", text):
+    if found := re.fullmatch(r"#(\d{1,18})", text):
         return _within(int(found[1]) - 1, len(lines), text)
     byte = re.fullmatch(r"@(\d+)", text)
     place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
@@ -62,12 +62,14 @@ def _sought(
     place: CapturePlace, index: CaptureIndex, bus: int | None, view: LineView | None
 ) -> int:
     if place.sought == "byte":
-        if place.bus and place.bus not in index.buses:
-            told = f"there is no bus {place.bus}, only {', '.join(index.buses)}"
+        known = dict(zip([*index.wires, *index.buses], index.wires * 2, strict=True))
+        if place.bus and place.bus not in known:
+            told = f"there is no bus {place.bus}, only {', '.join(dict.fromkeys(index.wires))}"
             raise InputError(f"{place.text}: {told}")
         if place.bus:
-            bus = index.buses.index(place.bus)
-        return _at_byte(place.number, index, _one_having(place, index) if bus is None else bus)
+            return _at_byte(place.number, index, known[place.bus])
+        wire = _one_having(place, index) if bus is None else index.wires[bus]
+        return _at_byte(place.number, index, wire)
     found = index.found
     if place.sought == "anomaly":
         if place.number > len(found):
@@ -99,7 +101,7 @@ def _line_of(one: np.void, index: CaptureIndex) -> int:
     return line if line >= 0 else min(int(np.searchsorted(index.lines["t"], one["t"])), last)
 
 
-def _one_having(place: CapturePlace, index: CaptureIndex) -> int:
+def _one_having(place: CapturePlace, index: CaptureIndex) -> str:
     """Return the one bus that has a byte, the first one where none has.
 
     Raises:
@@ -107,21 +109,26 @@ def _one_having(place: CapturePlace, index: CaptureIndex) -> int:
     """
     lines = index.lines
     reach = lines["at"] + lines["length"] > place.number
-    having = np.unique(lines["bus"][reach]).tolist()
+    having = list(
+        dict.fromkeys(index.wires[bus] for bus in np.unique(lines["bus"][reach]).tolist())
+    )
     if len(having) > 1:
-        raise InputError(ambiguous(place, [index.buses[bus] for bus in having]))
-    return having[0] if having else 0
+        raise InputError(ambiguous(place, having))
+    return having[0] if having else index.wires[0]
 
 
-def _at_byte(offset: int, index: CaptureIndex, bus: int) -> int:
+def _at_byte(offset: int, index: CaptureIndex, wire: str) -> int:
+    """Return the line that holds a byte of a wire, whichever of its protocols claims it."""
     lines = index.lines
-    mine = np.flatnonzero(lines["bus"] == bus)
+    lanes = [bus for bus, name in enumerate(index.wires) if name == wire]
+    mine = np.flatnonzero(np.isin(lines["bus"], lanes))
     at = lines["at"][mine]
-    k = int(np.searchsorted(at, offset, "right")) - 1
-    if k < 0 or offset >= int(at[k]) + int(lines["length"][mine[k]]):
-        last = int(at[-1] + lines["length"][mine[-1]]) if len(mine) else 0
-        raise InputError(f"byte {offset} is not there: {index.buses[bus]} has {last} so far")
-    return int(mine[k])
+    end = at + lines["length"][mine]
+    holding = np.flatnonzero((at <= offset) & (offset < end))
+    if not len(holding):
+        last = int(end.max(initial=0))
+        raise InputError(f"byte {offset} is not there: {wire} has {last} so far")
+    return int(mine[holding[0]])
 
 
 def _within(line: int, count: int, text: str) -> int:

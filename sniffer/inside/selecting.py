@@ -59,7 +59,7 @@ class SelectionFilter:
         if number not in self._known:
             page = index.pages.get(number)
             batch = page.batch
-            shown = self._selection.rows(index.buses[page.bus], page.protocol, batch)
+            shown = self._selection.rows(index.wires[page.bus], page.protocol, batch)
             self._known[number] = meant(batch, shown), shown("gaps"), shown
             if len(self._known) > PAGES_KEPT:
                 self._known.popitem(last=False)

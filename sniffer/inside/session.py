@@ -88,7 +88,7 @@ def look_inside(
             if recorder is not None:
                 recorder.stop()  # it writes the end of the file, before which nothing can be added
             if kept is not None:
-                with contextlib.suppress(OutputError):  # then they stay beside it
+                with contextlib.suppress(InputError, OutputError):  # then they stay beside it
                     into_recording(kept)
     if glass.return_code:  # its trace is on the terminal
         raise RuntimeError("the screen broke off")

@@ -35,8 +35,9 @@ SLICE_S: Final = 0.03
 class LineView:
     """The lines that are shown, by position; ``count`` of them so far.
 
-    ``judged`` is up to which line is known whether it is shown; ``held`` (None: nothing) is the
-    line from which on nothing is shown: the list is paused.
+    ``judged`` is up to which line is known whether it is shown, less than before where something
+    was found in earlier lines since; ``held`` (None: nothing) is the line from which on nothing is
+    shown: the list is paused.
     """
 
     def __init__(self, index: CaptureIndex) -> None:
@@ -47,11 +48,12 @@ class LineView:
         self.judged = 0
         self._shown = np.empty(STEP, np.int64)
         self._count = 0
+        self._seen = 0
 
     @property
     def end(self) -> int:
         """The line behind the last one that may be shown."""
-        there = len(self.index.lines)
+        there = self.index.settled
         return there if self.held is None else min(self.held, there)
 
     @property
@@ -66,17 +68,24 @@ class LineView:
 
     @property
     def is_behind(self) -> bool:
-        """Whether there are lines that nobody has judged yet."""
-        return not self.is_whole and self.judged < self.end
+        """Whether there are lines that nobody has judged yet, or since they changed."""
+        if self.is_whole:
+            return False
+        return self.judged < self.end or self._seen < len(self.index.changed)
+
+    def knows(self, line: int) -> bool:
+        """Tell whether it was judged if a line is shown."""
+        return self.judged > line or not self.is_behind
 
     def choose(self, chosen: LineFilter | None, *, exchanges: bool) -> None:
         """Show other lines."""
         self.filter, self.exchanges = chosen, exchanges
+        self._seen = len(self.index.changed)
         self.judged = self._count = 0
 
     def pause(self, held: bool) -> None:
         """Show no line that comes from now on, or all of them again."""
-        self.held = len(self.index.lines) if held else None
+        self.held = self.index.settled if held else None
 
     def line(self, position: int) -> int:
         """Return the number of the line at a position."""
@@ -124,6 +133,7 @@ class LineView:
         return self.is_behind
 
     def _step(self) -> None:
+        self._go_back()
         first = self.judged
         last = min(first + (self.filter.step if self.filter is not None else STEP), self.end)
         fits = self._fits(first, last)
@@ -133,6 +143,15 @@ class LineView:
         self._shown[self._count : self._count + len(more)] = more
         self._count += len(more)
         self.judged = last
+
+    def _go_back(self) -> None:
+        """Judge lines again that were changed since."""
+        changed = self.index.changed
+        first = int(changed[self._seen :].min(initial=self.judged))
+        self._seen = len(changed)
+        if first < self.judged:
+            self.judged = first
+            self._count = self.position(first)
 
     def _fits(self, first: int, last: int) -> Mask:
         lines = self.index.lines[first:last]

@@ -232,11 +232,13 @@ class Blanks:
         begin, end = self._at, self._at + len(data)
         self._at = end
         out = bytearray(data)
-        for start, told in self._found[self._next :]:
+        for k in range(self._next, len(self._found)):
+            start, told = self._found[k]
             if start >= end:
                 break
             low, high = max(start, begin), min(start + len(told), end)
             if low < high:
                 out[low - begin : high - begin] = told[low - start : high - start]
-            self._next += start + len(told) <= end
+            # one that goes on keeps its turn: others may end within it
+            self._next += k == self._next and start + len(told) <= end
         return bytes(out)

@@ -70,7 +70,8 @@ _STYLES: Final = {
 
 
 ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
-"""What the time of a line counts from: the clock's own zero, the first line, the line before."""
+"""What the time of a line counts from: the clock's own zero, the first line, the line before of
+the same bus."""
 
 
 class _Laid(NamedTuple):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import plain
 from sniffer.viewers.board.picture import Picture
+from sniffer.viewers.board.remembered import by_bus
 
 if TYPE_CHECKING:
     from sniffer.tap.status import Status
@@ -30,6 +31,7 @@ def line(status: Status, board: Board) -> str:
     Blanks and ``=`` in a bus's name stand as ``_``.
     """
     end_ns = board.end_ns(status)
+    status = by_bus(status)
     spoken = (b.bus for b in board.apart(status).buses)
     tallies = [board.buses[bus] for bus in spoken if bus in board.buses]
     rates = [tally.frame_rate.until(end_ns) for tally in tallies]
@@ -61,7 +63,7 @@ def line(status: Status, board: Board) -> str:
 
 def statistics(status: Status, board: Board) -> str:
     """Return everything the board knows, in lines of plain text: all buses, servos, anomalies."""
-    lines = Picture(board, status, WIDTH, HEIGHT, hint="").lines()
+    lines = Picture(board, board.apart(status), WIDTH, HEIGHT, hint="").lines()
     return "\n".join("".join(text for text, _ in cells).rstrip() for cells in lines)
 
 

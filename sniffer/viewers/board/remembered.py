@@ -109,7 +109,8 @@ class Remembered:
         return 100 * BITS * int(sums[0]) / bus.baud / seconds
 
     def apart(self, status: Status) -> Status:
-        """Return the state with a bus for each protocol, where several share a wire."""
+        """Return the state by bus (``by_bus``), with one a protocol where several share it."""
+        status = by_bus(status)
         if not self._lanes:
             return status
         buses: list[BusStatus] = []
@@ -122,3 +123,28 @@ class Remembered:
         """Return the servos of a bus as cells; None before anything is decoded."""
         tally = self.buses.get(bus)
         return None if tally is None else ServoCells(tally, status.now_ns, self.end_ns(status))
+
+
+def by_bus(status: Status) -> Status:
+    """Return the state with one entry a bus, also where two ports hear it: its two directions."""
+    ports: dict[str, list[BusStatus]] = {}
+    for b in status.buses:
+        ports.setdefault(b.bus, []).append(b)
+    return replace(status, buses=tuple(map(_joined, ports.values())))
+
+
+def _joined(ports: Sequence[BusStatus]) -> BusStatus:
+    first, *others = ports
+    if not others:
+        return first
+    states = [b.state for b in ports]
+    errors = [b.line_errors for b in ports if b.line_errors is not None]
+    return replace(
+        first,
+        port="+".join([first.port, *(b.port.rpartition("/")[2] for b in others)]),
+        # a cable that is out is told; a direction in which nobody speaks is no silent bus
+        state=next((s for s in ("away", "listening") if s in states), first.state),
+        bytes=sum(b.bytes for b in ports),
+        lost=sum(b.lost for b in ports),
+        line_errors=sum(errors) if errors else None,
+    )
