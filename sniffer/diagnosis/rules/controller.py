@@ -261,11 +261,14 @@ def unnamed_writes(case: Case) -> Iterator[Finding]:
 
 def memory_wear(case: Case) -> Iterator[Finding]:
     """Settings that are kept without power, written in a loop."""
-    for servo, (what, n, span, place, is_one) in sorted(_kept(case).items()):
-        if n < LOOP and not _in_a_loop(case, n, place.offset, is_one):
-            continue
-        if case.answering and servo in case.servos and servo not in case.answering:
-            continue  # who is not there keeps nothing
+    loops = {
+        servo: one
+        for servo, one in sorted(_kept(case).items())
+        if one[1] >= LOOP or _in_a_loop(case, one[1], one[3].offset, one[4])
+    }
+    if case.answering and all(i in case.servos and i not in case.answering for i in loops):
+        return  # who is not there keeps nothing
+    for servo, (what, n, span, place, _) in loops.items():
         seconds = (span[1] - span[0]) / NS
         hours = RATED / (n - 1) * seconds / 3600
         if case.has_clock and hours > LIFE_H:
