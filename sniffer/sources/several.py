@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.files import STDIN
 from sniffer.ground.limits import OFFSET_END, TIME_LEAST_NS, number_in
@@ -260,35 +260,46 @@ class BusOwners:
             self._newest[bus] = part, max(newest_ns, t_ns)
 
 
+class _Recorded(NamedTuple):
+    """What a file says of the recorder that it is of, and the buses whose first bytes were read."""
+
+    recorder: tuple[str, ...]
+    facts: Mapping[str, str]
+    begun: set[str]
+
+
 class _Joints:
     """Where the files of one recorder go on with a bus, and where one of them is missing."""
 
     def __init__(self) -> None:
         self.notes: list[str] = []
-        self._ends: dict[tuple[str, ...], int] = {}
-        self._begun: set[tuple[str, Source]] = set()
+        self._known: dict[Source, _Recorded] = {}
+        self._ends: dict[tuple[tuple[str, ...], str], int] = {}
 
     def told(self, part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
         """Return what a file says next, with a mark where bytes before it are in none."""
-        facts = part.facts()
-        if ANCHOR[0] not in facts:
+        if part not in self._known:
+            facts = part.facts()
+            recorder = tuple(facts.get(key, "") for key in ANCHOR)
+            self._known[part] = _Recorded(recorder, facts, set())
+        mine, ends = self._known[part], self._ends
+        if not any(mine.recorder):
             return group  # nobody knows what it goes on with
-        recorder = tuple(facts.get(key, "") for key in ANCHOR)
-        out = list(group)
+        marked: dict[int, Chunk] = {}
         for nth, chunk in enumerate(group):
-            key = (*recorder, chunk.bus)
-            if (chunk.bus, part) not in self._begun:
-                self._begun.add((chunk.bus, part))
-                begin = number_in(facts.get(f"{OFFSET}.{chunk.bus}", "0"), 0, OFFSET_END) or 0
-                missing = begin - self._ends.get(key, begin)
+            key = mine.recorder, chunk.bus
+            if chunk.bus not in mine.begun:
+                mine.begun.add(chunk.bus)
+                begin = number_in(mine.facts.get(f"{OFFSET}.{chunk.bus}", "0"), 0, OFFSET_END) or 0
+                missing = begin - ends.get(key, begin)
                 if missing > 0:
                     mark = Mark(MarkKind.SKIPPED, 0, count=missing)
-                    out[nth] = replace(chunk, marks=(mark, *chunk.marks))
+                    marked[nth] = replace(chunk, marks=(mark, *chunk.marks))
                     name = f"{chunk.bus}: {missing} bytes before {part.name}"
                     self.notes.append(f"{name} are in none of the files")
-                self._ends[key] = begin
-            self._ends[key] += len(chunk.data)
-        return out
+                ends[key] = begin
+            ends[key] += len(chunk.data)
+        return [marked.get(nth, chunk) for nth, chunk in enumerate(group)] if marked else group
 
 
 class _PartRead:
