@@ -340,3 +340,16 @@ def test_what_nobody_has_foreseen_is_one_line_and_what_was_decoded_is_kept(
         )  # fmt: skip
         assert "Traceback" in shown.stderr
         assert shown.returncode == 3
+
+
+@pytest.mark.parametrize("content", [b"", bytes(range(7, 200)) * 40], ids=["nothing", "noise"])
+@pytest.mark.parametrize("suffix", [".mcap", ".csv", ".jsonl"])
+def test_an_input_of_which_nothing_is_decoded_replaces_no_file(
+    suffix: str, content: bytes, tmp_path: Path, capsys: Capsys
+) -> None:
+    source, kept = tmp_path / "a.bin", tmp_path / f"x{suffix}"
+    source.write_bytes(content)
+    kept.write_bytes(DEAR)
+    for command in (("convert", source, kept), ("decode", source, "-o", kept)):
+        assert within(capsys, *command, "--force").status == 2
+        assert kept.read_bytes() == DEAR

@@ -16,6 +16,7 @@ from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
+from sniffer.jobs.proving import prove
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
@@ -112,6 +113,8 @@ def convert(
         opened, options = anonymous(opened, options, tell)
     # of one file who calls this says which it is, if that is wanted
     with undecided_of(name_of(inputs), leads=True) if len(inputs) > 1 else contextlib.nullcontext():
+        if overwrite:
+            prove(opened, inputs, outputs, options)
         return convert_opened(
             opened,
             inputs,
