@@ -115,7 +115,10 @@ def test_times_count_from_the_first_line_or_from_the_line_before(
         assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
 
 
-def test_a_line_counts_from_the_one_before_of_its_bus(tmp_path: Path, capsys: Capsys) -> None:
+def test_a_line_counts_from_the_one_before_of_its_bus(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)  # as into a pipe: nothing is left out
     path = two_buses(tmp_path / "two.log", CAPTURES / "mightyzap_damaged.log")
     asked = ("decode", path, "--time", "delta", "--kind", "request")
     both = within(capsys, *asked).out.splitlines()

@@ -14,7 +14,7 @@ from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.statistics.commands import wilson
 from sniffer.statistics.figures import BYTES
-from sniffer.statistics.load import SHORTEST_NS, profile
+from sniffer.statistics.load import profile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,19 +103,15 @@ def _load(told: Statistics, bus: str, wire: WireBytes, slices: EverySlice | None
     else:
         first_ns, width_ns = slices.first_ns, slices.width_ns
         sums = slices.counts["bytes"].tolist()
-    # the first and the last slice lie outside of what was heard by some part
-    begins = first_ns + width_ns * np.arange(len(sums))
-    ends = np.minimum(begins + width_ns, wire.last_ns)
-    shortest = min(SHORTEST_NS, width_ns, wire.span_ns)
-    heard = np.maximum(ends - np.maximum(begins, wire.last_ns - wire.span_ns), shortest)
-    busy = np.array(sums) * wire.byte_ns
+    shares = np.round(np.array(sums) * wire.byte_ns / width_ns, 6)
     mean = wire.bytes * wire.byte_ns / wire.span_ns
     return {
         "mean": mean,
-        "peak": max(mean, round(max(busy) / width_ns, 6)),  # of slices as long as they are told
+        # the slices at the edges lie outside of what was heard by some part: of a short one all
+        "peak": max(mean, float(shares.max())),
         "first_ns": first_ns,
         "slice_ns": width_ns,
-        "shares": np.round(busy / heard, 6).tolist(),
+        "shares": shares.tolist(),
     }
 
 
