@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
-from sniffer.anomalies.edges import Edges, LastNumbers
+from sniffer.anomalies.edges import Edges
 from sniffer.anomalies.found import NONE, NUMBER, Anomalies
 from sniffer.anomalies.rules import anomaly, of_frames
 from sniffer.ground.codes import REQUEST, WHOLE
@@ -88,7 +88,7 @@ class DeviceRules(Remembering):
         self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in known.alarms.items()}
         alarms = [one for _, edges in self._alarms.values() for one in edges]
         self._number = error_number(protocol)
-        self._numbers = LastNumbers(256)
+        self._numbers = Edges(256, np.int64)
         self._edges = [*self._status, self._numbers, self._outside, *alarms]
 
     def matters(self, at: int) -> Mapping[str, Any]:
