@@ -177,6 +177,17 @@ def test_more_pieces_than_anybody_can_want_are_refused(
     assert not [*tmp_path.iterdir()]
 
 
+def test_where_nothing_was_said_there_is_no_piece_and_its_number_is_left_out(
+    tmp_path: Path,
+) -> None:
+    lines = LOG.read_text("ascii").splitlines()[:60]
+    later = [f"({float(line[1:17]) + 5:.6f}){line[line.index(')') + 1 :]}" for line in lines]
+    source = tmp_path / "a.log"
+    source.write_text("\n".join(lines + later) + "\n")
+    done = sniffer.split(source, [tmp_path / "x.log"], 2_000_000_000)
+    assert [piece.files[0].name for piece in done] == ["x-0001.log", "x-0003.log"]
+
+
 def test_of_many_pieces_the_first_and_the_last_are_named(tmp_path: Path, capsys: Capsys) -> None:
     ran = within(capsys, "cut", LOG, "--split", "500ms", "-o", tmp_path / "p.log")
     assert ran.status == 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -29,6 +29,7 @@ from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
 
 BY_BUS: Final = "bus"
+"""How ``--split`` makes a piece a bus; else it is a time."""
 
 
 def _split_by(
@@ -94,40 +95,25 @@ def cut(
     With --bus it has those buses alone. With --split it makes many: no byte is in two of them.
     """
     window = window or Window()
-    if split_by is not None:
-        with patient() as patience:
-            pieces = split(
-                files,
-                outputs,
-                None if isinstance(split_by, str) else split_by,
-                window if window.is_part else None,
-                options,
-                buses=buses,
-                input_format=input_format,
-                anonymise=anonymise,
-                overwrite=force,
-                patience=patience,
-                tell=tell,
-            )
-        made = [file for piece in pieces for path in piece.files for file in files_of(path)]
-        tell.talk(wrote(made))
-        return max(status_of(piece.done.ending, is_lost=bool(piece.done.gone)) for piece in pieces)
-    if not (window.is_part or buses):
+    if split_by is None and not (window.is_part or buses):
         raise click.UsageError("say which part: --from, --to or both, --bus, or --split")
     with patient() as patience:
-        done = cut_out(
-            files,
-            outputs,
-            window,
-            options,
-            buses=buses,
-            input_format=input_format,
-            anonymise=anonymise,
-            overwrite=force,
-            patience=patience,
-            tell=tell,
-        )
-    status = status_of(done.ending, is_lost=bool(done.gone))
+        how: dict[str, Any] = {
+            "buses": buses,
+            "input_format": input_format,
+            "anonymise": anonymise,
+            "overwrite": force,
+            "patience": patience,
+            "tell": tell,
+        }
+        if split_by is None:
+            done, made = [cut_out(files, outputs, window, options, **how)], [*outputs]
+        else:
+            every_ns = None if isinstance(split_by, str) else split_by
+            pieces = split(files, outputs, every_ns, window, options, **how)
+            done = [piece.done for piece in pieces]
+            made = [file for piece in pieces for path in piece.files for file in files_of(path)]
+    status = max(status_of(one.ending, is_lost=bool(one.gone)) for one in done)
     if not status:
-        tell.talk(wrote(outputs))
+        tell.talk(wrote(made))
     return status

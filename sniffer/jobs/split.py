@@ -72,19 +72,19 @@ def split(
         outputs: how the files are called, but for what tells the pieces apart.
         every_ns: how long a piece is; None: a piece a bus.
         window: which part of the capture; all of it without.
-        options: how it is decoded: by that it is known where frames begin.
-        buses: only these; all of them where none is named.
-        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        options: as for ``cut``.
+        buses: as for ``cut``.
+        input_format: as for ``cut``.
         anonymise: as for ``cut``.
-        overwrite: files that are there already are replaced.
+        overwrite: as for ``cut``.
         patience: takes interruptions while it is written; what is left is not begun then.
-        tell: takes what should be told; nothing is told without.
+        tell: as for ``cut``.
 
     Raises:
-        InputError: the input cannot be read, its protocol cannot be told, the window is empty, or
-            there is no such bus.
-        OutputError: a file cannot be written, before any is, or there; those before are whole.
-        SnifferError: there would be more than 1000 pieces, they have no length, or as for ``cut``.
+        InputError: as ``cut``.
+        OutputError: a file is there already, before any is written; or one cannot be written: those
+            before it are whole.
+        SnifferError: there would be more than 1000 pieces, they have no length, or as ``cut``.
     """
     if every_ns is not None and every_ns < 1:
         raise SnifferError(f"every_ns {every_ns}: a piece has 1 ns at least")
