@@ -10,7 +10,7 @@ import pytest
 
 import sniffer
 from sniffer.decoding.spans import PieceRow, Span
-from sniffer.ground.model import Chunk
+from sniffer.ground.model import Chunk, Mark, MarkKind
 from sniffer.mcapfile.source import session
 from tests.commands import within
 
@@ -124,14 +124,34 @@ def test_a_bus_has_one_name_in_all_pieces_that_are_handed_on(robot: Path, tmp_pa
     assert buses[1] == {"bus1"}
 
 
-def test_a_bus_that_falls_silent_does_not_keep_what_others_say_later(tmp_path: Path) -> None:
-    spans = [{"arm": Span(0, 2, None), "leg": Span(0, 9, 1)}, {"leg": Span(9, 900, None)}]
-    said = [[Chunk(b"ab", 1, bus="arm")], *([Chunk(bytes(9), n, bus="leg")] for n in range(100))]
-    groups = iter(said)
+@pytest.mark.parametrize("speaks_again", [False, True])
+def test_a_bus_that_is_silent_does_not_keep_what_others_say_meanwhile(
+    *, speaks_again: bool
+) -> None:
+    spans = [{"arm": Span(0, 2, 9), "leg": Span(0, 9, 1)}, {"leg": Span(9, 810, 1)}]
+    spans.append({"arm": Span(2, 4, None), "leg": Span(810, 900, None)})
+    mark = (Mark(MarkKind.BACK, 0),)
+    again = [[Chunk(b"", 99, bus="arm", marks=mark), Chunk(b"cd", 99, bus="arm")]]
+    groups = iter(
+        [
+            [Chunk(b"ab", 1, bus="arm")],
+            *([Chunk(bytes(9), n, bus="leg")] for n in range(90)),
+            *(again if speaks_again else []),
+            *([Chunk(bytes(9), n, bus="leg")] for n in range(90, 100)),
+        ]
+    )
     row = PieceRow(groups, spans, {"arm": 1, "leg": 1})
     first = [chunk for group in row.piece(0) for chunk in group]
     assert b"".join(c.data for c in first if c.bus == "leg") == bytes(9)
-    assert len(list(groups)) > 90, "the rest of leg was read, and kept, to hear of arm"
+    left = list(groups)
+    assert len(left) > 90, "the rest of leg was read, and kept, to hear of arm"
+    row = PieceRow(iter([*[[c] for c in first if c.data], *left]), spans, {"arm": 1, "leg": 1})
+    pieces = [[chunk for group in row.piece(n) for chunk in group] for n in range(3)]
+    arm = [chunk for chunk in pieces[2] if chunk.bus == "arm" and chunk.marks[:1] != ()]
+    assert bool(arm) == speaks_again, "what is marked while it was silent stands in front of it"
+    said = {bus: [b"".join(c.data for c in p if c.bus == bus) for p in pieces] for bus in spans[0]}
+    assert said["leg"] == [bytes(9), bytes(801), bytes(90)]
+    assert said["arm"] == [b"ab", b"", b"cd" if speaks_again else b""]
 
 
 @pytest.mark.parametrize("every_ns", [0, -1])

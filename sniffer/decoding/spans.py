@@ -58,6 +58,7 @@ class PieceRow:
             for bus, span in spans.items():
                 self._of_bus.setdefault(bus, []).append((number, span))
         self._at = dict.fromkeys(self._of_bus, 0)
+        self._number = 0
         self._kept: list[list[Chunk]] = [[] for _ in pieces]
         self._last: list[dict[str, Chunk]] = [{} for _ in pieces]
 
@@ -66,7 +67,7 @@ class PieceRow:
 
         It is asked for behind the piece before it.
         """
-        spans = self._pieces[number]
+        spans, self._number = self._pieces[number], number
         while True:
             out, self._kept[number] = self._kept[number], []
             if out:
@@ -87,14 +88,13 @@ class PieceRow:
             yield over
 
     def _is_over(self, number: int, bus: str, span: Span) -> bool:
-        """Tell whether nothing more of a bus can belong to a piece.
+        """Tell whether no byte more of a bus belongs to a piece.
 
-        Marks without bytes may stand behind its end; a bus that has spoken its last is not waited
-        for while others go on: that would keep all of theirs.
+        Only behind the last one marks without bytes are waited for: a bus may be silent for long,
+        and all that others say meanwhile would be kept.
         """
-        at, left = self._at[bus], self._of_bus[bus]
-        is_last = number < len(self._pieces) - 1 and left[-1:] == [(number, span)]
-        return at > span.end or (is_last and at == span.end)
+        at, is_last = self._at[bus], number == len(self._pieces) - 1
+        return at > span.end or (at == span.end and not is_last)
 
     def _take(self, group: Sequence[Chunk]) -> None:
         for chunk in group:
@@ -103,22 +103,24 @@ class PieceRow:
                 continue
             start = self._at[chunk.bus]
             end = self._at[chunk.bus] = start + len(chunk.data)
-            while left and left[0][1].end < start:
+            while left and (left[0][0] < self._number or left[0][1].end < start):
                 del left[0]
-            for number, span in left:
+            # marks that come when their piece is over stand in front of the next one
+            for number, span in left if chunk.data else left[:1]:
                 if span.begin > end:
                     break
-                piece = _within(chunk, start, span, self._byte_ns[chunk.bus])
+                piece = _within(chunk, start, span, self._byte_ns[chunk.bus], is_first=number == 0)
                 if piece is not None:
                     self._kept[number].append(piece)
                     self._last[number][chunk.bus] = piece
 
 
-def _within(chunk: Chunk, start: int, span: Span, byte_ns: int) -> Chunk | None:
+def _within(chunk: Chunk, start: int, span: Span, byte_ns: int, *, is_first: bool) -> Chunk | None:
     """Return what of a chunk lies in a span, None where nothing does."""
     end = start + len(chunk.data)
     if not chunk.data:
-        return chunk if span.begin < start <= span.end else None
+        is_behind = span.begin < start if is_first else span.begin <= start
+        return chunk if is_behind and start <= span.end else None
     low, high = max(start, span.begin), min(end, span.end)
     if low >= high:
         return None

@@ -114,7 +114,7 @@ def query(
     need_duckdb()
     need_pyarrow()
     if isinstance(sources, str | Path) or not sources:
-        raise InputError("there are several captures in a query, or one in a list: name them so")
+        raise InputError("name the captures of a query in a list, one at least")
     import duckdb
     import pyarrow as pa
 
