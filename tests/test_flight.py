@@ -103,6 +103,7 @@ def test_what_happens_is_written_with_the_time_before_and_after_it(
     )
     assert about["trigger.what"] == "no-response on bus0: servo 2 did not answer load_data"
     assert f"{path} has 1." in ran.err
+    assert f"{len(speaker.said)} bytes heard, " in ran.err, "most of them are in no file"
     kept = raw(path)["bus0"]
     assert LOST in kept
     begin = int(about["offset.bus0"])

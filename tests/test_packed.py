@@ -114,3 +114,15 @@ def test_a_bomb_is_given_up_before_it_goes_off(pack: Callable[[bytes], bytes]) -
     with pytest.raises(DamagedInputError, match="no capture does"):
         take(open_source(packed))
     assert sum(read) <= SMALL + (1 << 24)
+
+
+def test_what_was_recorded_is_compared_in_an_unpacked_file_only(tmp_path: Path) -> None:
+    recording = tmp_path / "run.mcap"
+    assert sniffer("decode", CAPTURE, "-o", recording, "--quiet").status == 0
+    packed = tmp_path / "run.mcap.gz"
+    packed.write_bytes(gzip.compress(recording.read_bytes()))
+    ran = sniffer("replay", packed, "--redecode")
+    assert ran.status == 2
+    assert ran.complaint == (
+        f"{packed} is packed: unpack it first (gunzip, unzstd); its frames are read in place"
+    )

@@ -224,6 +224,7 @@ def test_statistics_are_printed_when_a_signal_asks_and_the_recording_goes_on(
         name = f"{len(TALK)} bytes" if mode == "--quiet" else line.path
         run.wait_until(lambda: name in run.said.removeprefix(before), "no statistics")
         assert "arm" in run.said
+        assert mode != "--quiet" or f"arm ({line.path}): {len(TALK)} bytes" in run.said
         line.say(TALK)
         assert run.stop().status == 0
     assert raw(run.path) == {"arm": TALK * 2}

@@ -11,8 +11,9 @@ import numpy as np
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.codes import KINDS
 from sniffer.ground.model import DamagedInputError, InputError
-from sniffer.mcapfile.given import refuse_no_file
+from sniffer.mcapfile.given import open_recording, refuse_no_file
 from sniffer.mcapfile.source import recorded
+from sniffer.messages import MAGIC
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
@@ -116,6 +117,11 @@ def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Comp
     source = open_source(path)
     if source.format != "mcap":
         raise InputError(f"{path} is no recording: only an .mcap holds what was decoded before")
+    with open_recording(path) as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise InputError(
+                f"{path} is packed: unpack it first (gunzip, unzstd); its frames are read in place"
+            )
     names = _Names()
     now = _Collect(names)
     pipeline = Pipeline(options.with_facts(source.facts(), source.tables), [now])

@@ -288,7 +288,14 @@ def run_recording(
             reactions.close()
     if failure is not None and not isinstance(failure, DamagedInputError):
         raise failure
-    result(recorder, ended, None if file is None else file.files, tapping.anchor, tell)
+    result(
+        recorder,
+        ended,
+        None if file is None else file.files,
+        tapping.anchor,
+        tell,
+        keeps_all=not isinstance(file, FlightRecorder),
+    )
     for line in () if file is None else file.remarks:
         tell.talk(line)
     if screen is not None and screen.dropped:
@@ -390,5 +397,5 @@ def _statistics(screen: Screen | None, tell: Teller, recorder: Recorder) -> None
         screen.ask()
         return
     status = recorder.status()
-    buses = "; ".join(f"{b.bus}: {b.bytes} bytes, {b.state}" for b in status.buses)
+    buses = "; ".join(f"{b.bus} ({b.port}): {b.bytes} bytes, {b.state}" for b in status.buses)
     tell.warn(f"{status.elapsed_s:.0f} s, {status.size} bytes in {status.file}; {buses}")

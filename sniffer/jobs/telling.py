@@ -24,6 +24,8 @@ MISTAKES_S: Final = 5.0
 STEP_NS: Final = NS // 10
 """A step of the system clock that is worth a word."""
 
+_RECORDED: Final = ": they are recorded; decode them with {protocol}, or see `sniffer doctor`"
+
 
 class Teller:
     """What is told while it runs; once a screen is there, above it.
@@ -101,8 +103,13 @@ def result(
     files: Sequence[Path] | None,
     anchor: Anchor,
     tell: Teller,
+    *,
+    keeps_all: bool,
 ) -> None:
-    """Say what there is now; what went wrong is said also where quiet was asked for."""
+    """Say what there is now; what went wrong is said also where quiet was asked for.
+
+    ``keeps_all``: files hold every byte that was heard.
+    """
     if ended:
         tell.talk(f"stopped: {ended}")
     taps = recorder.taps
@@ -115,8 +122,8 @@ def result(
     gaps = sum(b.bytes_in_gaps for b in totals)
     anomalies = sum(sum(b.codes.values()) for b in totals)
     tell.talk(
-        f"{size} bytes recorded, {frames} frames, {gaps} bytes in no frame, {anomalies} anomalies"
-        f"{_where(files)}"
+        f"{size} bytes {'recorded' if keeps_all else 'heard'}, {frames} frames, "
+        f"{gaps} bytes in no frame, {anomalies} anomalies{_where(files)}"
     )
     by_bus: dict[str, int] = {}
     for tap in taps:
@@ -126,10 +133,8 @@ def result(
             tell.talk(f"{tap.spec.bus}: no byte was heard; `sniffer doctor {port}` tells more")
     for bus, heard in by_bus.items():
         if heard and recorder.pipeline.speaks(bus) is None:
-            told = (
-                "{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
-                "decode them with {protocol}, or see `sniffer doctor`"
-            )
+            told = "{bus}: its protocol could not be told from {heard} bytes"
+            told += _RECORDED if keeps_all else "; `sniffer doctor` tells more"
             tell.warn(Sentence(told, bus=bus, heard=heard))
     tell.mistaken(recorder)
     if recorder.skipped:
