@@ -184,6 +184,10 @@ def test_two_runs_are_compared_in_what_is_selected(capsys: Capsys) -> None:
     assert first == "of each what is selected: servo_id = 1; from second 1 to second 3"
     assert ": 2.0 s, 55 answers expected, 0 failed" in a
     assert ": 2.0 s" in b
+    ran = within(capsys, "diff", CLEAN, DAMAGED, "--kind", "request")
+    assert ran.out.splitlines()[1].endswith(": 8.0 s, 855 frames"), "no word of answers"
+    ran = within(capsys, "diff", CLEAN, DAMAGED, "--code", "no-response")
+    assert ran.out.splitlines()[1].endswith(": 8.0 s")
     for options, told in (
         (["--servo", "9"], "servo_id = 9: neither run has any of it"),
         (["--from", "12:00"], "two runs have no date in common: write seconds of each, as in 10"),

@@ -71,10 +71,11 @@ class Compared:
         out = []
         for name, source, run in zip(A_B, self.sources, self.runs, strict=True):
             expected, missing = sum(run.expected.values()), sum(run.missing.values())
-            out.append(
-                f"{name}: {source}: {run.seconds:.1f} s, {counted(expected, 'answer')} expected, "
-                f"{missing} failed"
-            )
+            told = f", {counted(expected, 'answer')} expected, {missing} failed"
+            if self.asked and not expected:  # a selection without exchanges says nothing of them
+                frames = sum(run.frames.values())
+                told = f", {counted(frames, 'frame')}" if frames else ""
+            out.append(f"{name}: {source}: {run.seconds:.1f} s{told}")
         if self.parts:
             out.insert(
                 0, "; ".join(f"{n}: {part}" for n, part in zip(A_B, self.parts, strict=True))
