@@ -74,6 +74,12 @@ def test_an_answer_beyond_the_window_is_late_by_the_clock() -> None:
     assert "58." in found[0].detail  # 60 ms less the reply's own wire time
 
 
+def test_who_answers_late_is_named_also_where_all_were_asked() -> None:
+    (found,) = anomalies(at(0, packet(0, 0xF1)), at(67, packet(3, 0)))
+    assert (found.code, found.servo_id) == ("late-response", 3)
+    assert found.detail.startswith("servo 3 answered echo after ")
+
+
 def test_an_answer_after_the_silence_is_late_too_and_its_request_unanswered() -> None:
     found = [a.code for a in anomalies(at(0, READ), at(400, REPLY))]
     assert sorted(found) == ["late-response", "no-response"]

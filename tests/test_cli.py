@@ -131,6 +131,7 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
             ["cut", "x", "--servo", "3"],
             "'--servo': a part has every byte of its buses; `sniffer conv",
         ),
+        (["convert", "x", "--every"], "requires an argument: see `sniffer convert --help`"),
         (["replay", "x", "--speed", "fast"], "'fast' is not a valid number"),
         (["recover", "x.mcap", "-o", "x.jsonl"], "a recording's name ends in .mcap"),
         (["recover", "missing.mcap"], "there is no such file"),

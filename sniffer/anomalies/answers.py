@@ -192,6 +192,8 @@ class PairingRules(Remembering):
             for i, outcome, op, servo, *asked in zip(
                 mine, *(column[mine].tolist() for column in columns), strict=True
             ):
+                if late[i]:  # one that asked all has no servo; who answered has
+                    servo = int(who[i])
                 name = f"servo {servo}" if servo >= 0 else "no servo"
                 if outcome == NO_RESPONSE:
                     out.append((f"{name} did not answer {self._op(op)}", (tuple(asked),)))

@@ -112,6 +112,12 @@ class _Commands(click.Group):
         try:
             with _noted(ctx):
                 return super().invoke(ctx)
+        except click.BadOptionUsage as error:
+            if error.ctx is None and (name := ctx.invoked_subcommand) is not None:
+                # click's parser knows of no command: where its help is, this one says
+                command = self.get_command(ctx, name)
+                error.ctx = click.Context(command, ctx, info_name=name) if command else None
+            raise
         except KeyboardInterrupt:
             raise _InterruptedError from None
         except BrokenPipeError:

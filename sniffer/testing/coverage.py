@@ -10,6 +10,7 @@ import numpy as np
 
 from sniffer.ground.codes import PARTS, REQUEST, WHOLE
 from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
+from sniffer.protocols.packets.declare import number_in
 from sniffer.testing.facts import header_of
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
+    from sniffer.protocols.packets import PacketFamily
     from sniffer.testing.case import TalkCase
     from sniffer.testing.facts import Fact, Known
     from sniffer.testing.talk import Talk
@@ -107,11 +109,23 @@ def _commands(names: Sequence[str], known: Sequence[Known]) -> Iterator[Goal]:
 
 
 def _later(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
-    family = getattr(protocol, "family", None)
-    for command in () if family is None else family.commands.values():
-        if command.later:
-            mine = [k.exchange for k in known if k.exchange.name == command.name]
-            yield Goal(f"{command.name} done later", any(e.later for e in mine))
+    family: PacketFamily | None = getattr(protocol, "family", None)
+    if family is None:
+        return
+    for command in family.commands.values():
+        said = [raw for k in known if k.exchange.name == command.name for raw in k.exchange.later]
+        for name, values in command.later.items():
+            told = {_later_says(family, raw, name) for raw in said}
+            for value in values:
+                yield Goal(f"{command.name} done later, {name} {value}", value in told)
+
+
+def _later_says(family: PacketFamily, raw: bytes, name: str) -> int:
+    """Return what a field of the feedback says in a packet that comes once something is done."""
+    body = family.body_of(raw)
+    servo_id = body.get("servo_id", family.sole_id)
+    params = family.plain(bytes(body[family.tail]), servo_id, body.code)
+    return number_in(family.feedback_of(family.asked_by[body.code]), name, params)
 
 
 def _addressing(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:

@@ -81,10 +81,10 @@ def act(who: int, code: int) -> Exchange:
     return Exchange(name, packet(who, code, data), (answer(who, code, b"\1"),), {}, ())
 
 
-def move(who: int, code: int) -> Exchange:
-    """Send a motor somewhere: it says that it begins, and that it is there."""
+def move(who: int, code: int, result: bytes = b"\2") -> Exchange:
+    """Send a motor somewhere: it says that it begins, and that it is there, or at a limit (3)."""
     name, data = MOVES[code]
-    done = (answer(who, code, b"\2"),)
+    done = (answer(who, code, result),)
     values = stated(MODEL, code * 16, data)
     request, begun = packet(who, code, data), (answer(who, code, b"\1"),)
     return Exchange(name, request, begun, values, (), later=done)
@@ -107,7 +107,8 @@ TALK: Final = Talk(
         *(read(who, code) for who in (1, 2) for code in READS),
         *(set_(who, code) for who in (1, 2) for code in SETS),
         *(act(who, code) for who in (1, 2) for code in ACTS),
-        *(move(who, code) for who in (1, 2) for code in MOVES),
+        *(move(1, code) for code in MOVES),
+        *(move(2, code, b"\2" if code == 0xF6 else b"\3") for code in MOVES),
         to_all(0xF3, *SETS[0xF3]),
         to_all(0xFE, *MOVES[0xFE]),
         renamed(1, 3),

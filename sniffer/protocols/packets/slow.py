@@ -188,9 +188,7 @@ class Slow:
             wild = "data" in fields and "length" not in fields and not out.data
             out.token = -1 if wild and out.status else out.token
         for name, values in command.later.items() if command is not None else ():
-            width = field_named(grammar, name).sizeof()
-            said = int.from_bytes(params[place[name] : place[name] + width], "little")
-            if said in values:
+            if number_in(grammar, name, params) in values:
                 out.token = ON_ITS_OWN
         if command is not None and command.on_its_own:
             out.token = ON_ITS_OWN
