@@ -21,14 +21,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
-import numpy.typing as npt
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.ground.model import I64, U8, Mask
-
-U16 = npt.NDArray[np.uint16]
+    from sniffer.ground.model import I64, U8, U16, Mask
 
 CHUNK: Final = 256
 """Bytes that prefixes are computed along, one step a byte for all chunks of the block."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 I64 = npt.NDArray[np.int64]
 I16 = npt.NDArray[np.int16]
 U8 = npt.NDArray[np.uint8]
+U16 = npt.NDArray[np.uint16]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 

@@ -20,7 +20,7 @@ from construct import (
     this,
 )
 
-from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8, XOR8
+from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8, SUM16, XOR8
 from sniffer.ground.crc import Crc8, Crc16
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.packets import (
@@ -175,7 +175,8 @@ APART: Final = member(
     silent=(0,),
     most=20,
 )  # fmt: skip
-# Answers with a header of their own, and the code of their request; the id behind the length.
+# Answers with a header of their own, and the code of their request; the id behind the length, a
+# sum of two bytes, the high one first.
 HEADS: Final = member(
     "heads",
     Packet(
@@ -185,7 +186,7 @@ HEADS: Final = member(
         Check((this.length >= 1) & (this.length <= 30)),
         "servo_id" / Byte,
         "params" / Bytes(this.length - 1),
-        "checksum" / Seal(Byte, SUM8, "header", "code", "length", "servo_id", "params"),
+        "checksum" / Seal(Int16ub, SUM16, "header", "code", "length", "servo_id", "params"),
     ),
     {
         1: Command("ping", EMPTY, MUST),
