@@ -135,7 +135,7 @@ class UndecidedError(InputError):
     ``likely`` names the one whose frames are meant although none holds; empty: nobody knows.
     ``likely_of`` has that by bus, for all buses whose protocol cannot be told, where it is known
     which these are. ``is_tie``: the frames of two hold alike, so nothing is
-    wrong with the bytes.
+    wrong with the bytes. ``others``: there are buses that were decoded.
     """
 
     def __init__(
@@ -145,11 +145,13 @@ class UndecidedError(InputError):
         likely: str = "",
         likely_of: Mapping[str, str] | None = None,
         is_tie: bool = False,
+        others: bool = False,
     ) -> None:
         super().__init__(told)
         self.likely = likely
         self.likely_of = dict(likely_of or {})
         self.is_tie = is_tie
+        self.others = others
 
     def of(self, name: str) -> UndecidedError:
         """Return the same of an input that is named: these bytes of ``name``; empty: of none."""
@@ -159,16 +161,24 @@ class UndecidedError(InputError):
         """Return the same of one bus of several."""
         return self._with(bus=f" on {bus}")
 
-    def among(self, likely_of: Mapping[str, str]) -> UndecidedError:
+    def among(self, likely_of: Mapping[str, str], *, others: bool) -> UndecidedError:
         """Return the same where these are all the buses of which it cannot be told."""
         return UndecidedError(
-            self.args[0], likely=self.likely, likely_of=likely_of, is_tie=self.is_tie
+            self.args[0],
+            likely=self.likely,
+            likely_of=likely_of,
+            is_tie=self.is_tie,
+            others=others,
         )
 
     def telling(self, told: str) -> UndecidedError:
         """Return the same in other words."""
         return UndecidedError(
-            told, likely=self.likely, likely_of=self.likely_of, is_tie=self.is_tie
+            told,
+            likely=self.likely,
+            likely_of=self.likely_of,
+            is_tie=self.is_tie,
+            others=self.others,
         )
 
     def _with(self, **words: str) -> UndecidedError:

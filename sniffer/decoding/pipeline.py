@@ -254,7 +254,8 @@ class Pipeline:
             bus, first = next(iter(undecided.items()))
             is_one = len(undecided) + len(self._decoders) == 1
             named = first if is_one else first.on(bus)
-            raise named.among({each: e.likely for each, e in undecided.items()})
+            likely_of = {each: e.likely for each, e in undecided.items()}
+            raise named.among(likely_of, others=bool(self._decoders))
 
     def mistaken(self) -> list[Mistake]:
         """Return the buses whose named protocol explains little, though another one does."""

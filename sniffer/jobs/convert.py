@@ -13,10 +13,10 @@ from sniffer.ground.files import STDIN, TABLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
+from sniffer.jobs.aside import Aside
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
-from sniffer.jobs.proving import prove
 from sniffer.jobs.session import run_source, undecided_of
 from sniffer.jobs.telling import Teller
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
@@ -113,8 +113,6 @@ def convert(
         opened, options = anonymous(opened, options, tell)
     # of one file who calls this says which it is, if that is wanted
     with undecided_of(name_of(inputs), leads=True) if len(inputs) > 1 else contextlib.nullcontext():
-        if overwrite:
-            prove(opened, inputs, outputs, options)
         return convert_opened(
             opened,
             inputs,
@@ -155,42 +153,49 @@ def convert_opened(
     if asked is not None:
         asked = asked.sought_in(opened, options)
     told = session_facts(opened.origin(joined(inputs)), options, facts)
-    decoded, raw = open_all(
-        outputs, told, [*map(str, inputs)], force=overwrite, wide=wide, contents=contents
-    )
-    name = name_of(inputs)
-    every = [*decoded, *sinks]
-    if raw and asked is not None and asked.selection is not None:
-        every += _selected(raw, outputs, asked.selection, tell)
-        raw = []
-    copies = Copies(raw)
-    if raw and not every:
-        ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
-        return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
-    heard = Derived(opened, copies.of, facts) if raw else opened
-    run: Callable[..., tuple[Summary, Ending]] = run_source
-    if jobs > 1 and raw:
-        tell.talk("decoded by one process: the bytes themselves are written on the way")
-    elif jobs > 1:
-        from sniffer.jobs.parts import decode_in_parts
-
-        files = [path for path in outputs if path.is_file()]
-        folder = files[0].parent if files else None
-        run = functools.partial(decode_in_parts, jobs=jobs, folder=folder)
-    try:
-        summary, ending = run(
-            heard, options, every, name=name, tell=tell, patience=patience, asked=asked
+    with Aside() as aside:
+        decoded, raw = open_all(
+            outputs,
+            told,
+            [*map(str, inputs)],
+            force=overwrite,
+            wide=wide,
+            contents=contents,
+            aside=aside,
         )
-    finally:
-        copies.finish(tell)
-    if contents is not None and contents.joints is not None:
-        from sniffer.mcapfile.sink import McapSink
+        name = name_of(inputs)
+        every = [*decoded, *sinks]
+        if raw and asked is not None and asked.selection is not None:
+            every += _selected(raw, outputs, asked.selection, tell)
+            raw = []
+        copies = Copies(raw)
+        if raw and not every:
+            ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
+            return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
+        heard = Derived(opened, copies.of, facts) if raw else opened
+        run: Callable[..., tuple[Summary, Ending]] = run_source
+        if jobs > 1 and raw:
+            tell.talk("decoded by one process: the bytes themselves are written on the way")
+        elif jobs > 1:
+            from sniffer.jobs.parts import decode_in_parts
 
-        for sink in decoded:
-            if isinstance(sink, McapSink):
-                for line in sink.remarks:
-                    tell.talk(line)
-    return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
+            files = [path for path in outputs if path.is_file()]
+            folder = files[0].parent if files else None
+            run = functools.partial(decode_in_parts, jobs=jobs, folder=folder)
+        try:
+            summary, ending = run(
+                heard, options, every, name=name, tell=tell, patience=patience, asked=asked
+            )
+        finally:
+            copies.finish(tell)
+        if contents is not None and contents.joints is not None:
+            from sniffer.mcapfile.sink import McapSink
+
+            for sink in decoded:
+                if isinstance(sink, McapSink):
+                    for line in sink.remarks:
+                        tell.talk(line)
+        return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
 
 
 def _without_rows(path: Path, lacking: Sequence[str], tables: Sequence[str]) -> str:

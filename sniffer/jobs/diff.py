@@ -12,6 +12,7 @@ from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.wording import Sentence, and_, counted
+from sniffer.jobs.aside import Aside
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -166,16 +167,18 @@ def diff(
             raise OutputError(f"{output}: plots of both end in .rrd")
         need_rerun()
         check_outputs([output], [str(a), str(b)], force=overwrite)
-        from sniffer.sinks.rerun.overlay import OverlaidSink
-
-        overlay = OverlaidSink(output)
     two = [_Run(str(path), part, options, tell) for path, part in zip((a, b), parts, strict=True)]
     endings = []
     # of a few records no cause can be told, of a bus it can
     is_whole = selection is None or set(selection.columns) == {"bus"}
     told: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        if overlay is not None:
+        aside = stack.enter_context(Aside())
+        if output is not None:
+            from sniffer.sinks.rerun.overlay import OverlaidSink
+
+            aside.take([output])
+            overlay = OverlaidSink(output)
             stack.callback(overlay.close)
         for run in two:
             run.open(stack, input_format)
@@ -193,14 +196,13 @@ def diff(
             if is_whole:
                 run.figures.incidents = diagnosis.incidents()
             told |= {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
-    runs = two[0].figures, two[1].figures
+        if selection is not None and not any(run.figures.rows.total() for run in two):
+            raise InputError(f"{selection.text}: neither run has any of it")
+        first, second = runs = two[0].figures, two[1].figures
+        of_b = _match(first, second, str(a), str(b))
     differ = window_b is not None and window_b != window
     if differ:
         told.pop("part", None)
-    first, second = runs
-    if selection is not None and not any(run.rows.total() for run in runs):
-        raise InputError(f"{selection.text}: neither run has any of it")
-    of_b = _match(first, second, str(a), str(b))
     names_a, names_b = (run.options.names for run in two)
     if of_b is not None:  # the names of one bus are those of the bus that it is compared with
         (shown,) = first.frames

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
+    from sniffer.jobs.aside import Aside
     from sniffer.jobs.telling import Teller
     from sniffer.mcapfile.joints import RosJoint
     from sniffer.sinks.raw import RawFile
@@ -151,11 +152,12 @@ def open_all(
     force: bool,
     wide: Wide | None = None,
     contents: Contents | None = None,
+    aside: Aside | None = None,
 ) -> tuple[list[Sink], list[RawFile]]:
     """Open the outputs; return those of what is decoded, and those of the bytes themselves.
 
     All is checked before anything is opened, and what is to be replaced (``force``) is opened last:
-    a mistake leaves no file behind and empties none.
+    a mistake leaves no file behind and empties none. ``aside`` holds what is replaced.
     """
 
     def written(path: Path) -> tuple[Path, ...]:
@@ -165,6 +167,8 @@ def open_all(
     files = [file for path in paths for file in written(path)]
     check_outputs(files, sources, force=force)
     new = [file for file in files if not file.exists()]
+    if aside is not None:
+        aside.take(files)
     out: dict[int, Sink] = {}
     raw: dict[int, RawFile] = {}
     try:
@@ -193,6 +197,8 @@ def open_all(
         for path in new:
             with contextlib.suppress(OSError):
                 path.unlink()
+        if aside is not None:
+            aside.restore()
         raise
     return [out[nth] for nth in sorted(out)], [raw[nth] for nth in sorted(raw)]
 

@@ -21,6 +21,7 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.aside import Aside
 from sniffer.jobs.asked import Extract, refuse_part_of
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.order import merged
@@ -224,23 +225,26 @@ def replay(
         pausing = functools.partial(_pause, sink)
         groups = paced(steps(timed(chunks, baud)), speed, ends=ends, pausing=pausing)
         session = session_facts(opened.origin(joined(inputs)), options, facts)
-        decoded, raw = open_all(outputs, session, [*map(str, inputs)], force=overwrite)
-        copies = Copies(raw)
-        try:
-            with undecided_of(name):
-                _, ending = run_source(
-                    opened,
-                    options,
-                    [sink, *decoded],
-                    name=name,
-                    tell=now,
-                    patience=patience,
-                    groups=copies.of(groups) if raw else groups,
-                    ahead=head,
-                    asked=asked,
-                )
-        finally:
-            copies.finish(now)
+        with Aside() as aside:
+            decoded, raw = open_all(
+                outputs, session, [*map(str, inputs)], force=overwrite, aside=aside
+            )
+            copies = Copies(raw)
+            try:
+                with undecided_of(name):
+                    _, ending = run_source(
+                        opened,
+                        options,
+                        [sink, *decoded],
+                        name=name,
+                        tell=now,
+                        patience=patience,
+                        groups=copies.of(groups) if raw else groups,
+                        ahead=head,
+                        asked=asked,
+                    )
+            finally:
+                copies.finish(now)
         played = True
     return ending
 
