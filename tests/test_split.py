@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,27 @@ def test_who_is_known_to_have_been_silent_at_the_end_of_a_piece_did_not_answer(
     missing = [[row for row in rows if row[0] == "no-response"] for rows in (whole, pieces)]
     assert len(missing[0]) == 8
     assert sorted(map(str, missing[1])) == sorted(map(str, missing[0]))
+
+
+def test_pieces_of_several_buses_are_read_as_one_though_the_last_answer_of_one_was_late(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """It is of the piece of its request: behind it stands how the others ended, long before."""
+    logs = [LOG.with_name(f"{name}_damaged.log") for name in ("lss", "mightyzap", "rs30x")]
+    all_, whole = tmp_path / "all.mcap", tmp_path / "whole.mcap"
+    assert within(capsys, "merge", *logs, "-o", all_, "--quiet").status == 0
+    within(capsys, "cut", all_, "--to", "1.6", "-o", whole)
+    within(capsys, "cut", whole, "--split", "500ms", "-o", tmp_path / "part.mcap")
+    pieces = sorted(tmp_path.glob("part-*.mcap"))
+    assert len(pieces) == 4
+
+    def heard(*files: Path) -> Counter[tuple[str, str, str]]:
+        ran = within(capsys, "decode", *files, "--format", "jsonl")
+        assert ran.status == 0
+        rows = map(json.loads, ran.out.splitlines())
+        return Counter((r["type"], r["bus"], r.get("hex", "")) for r in rows if "bus" in r)
+
+    assert heard(*pieces) == heard(whole)
 
 
 def test_a_piece_knows_of_what_it_is_one_and_from_when_to_when(tmp_path: Path) -> None:

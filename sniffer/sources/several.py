@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections import deque
 from dataclasses import replace
 from itertools import chain, islice
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -72,7 +73,7 @@ class SeveralSources(Source):
 
         def heard(part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
             owners.follow(part, group)
-            return joints.told(part, group)
+            return joints.told(part, [c for c in group if not owners.is_over(part, c)])
 
         yield from read(damage, heard)
         for part in self._parts:
@@ -233,6 +234,9 @@ def _identity(path: str | Path) -> tuple[int, int] | str:
     return status.st_dev, status.st_ino
 
 
+_NO_MORE: Final = frozenset({MarkKind.ENDED, MarkKind.SILENT})
+
+
 class BusOwners:
     """Which input tells of each bus: another one may go on with it, but not beside it."""
 
@@ -248,7 +252,7 @@ class BusOwners:
         """
         for chunk in group:
             bus, t_ns = chunk.bus, chunk.t_ns
-            if t_ns is None:
+            if t_ns is None or self.is_over(part, chunk):
                 continue
             owner, newest_ns = self._newest.get(bus, (part, t_ns))
             if owner is not part:
@@ -258,6 +262,14 @@ class BusOwners:
                     raise _overlapping(part)
                 self._past.add((bus, owner))
             self._newest[bus] = part, max(newest_ns, t_ns)
+
+    def is_over(self, part: Source, chunk: Chunk) -> bool:
+        """Tell whether it only says that no more came, of a bus with which another one goes on.
+
+        How each bus ends stands behind the bytes of all others, and of those one may end later.
+        """
+        ends = not chunk.data and all(mark.kind in _NO_MORE for mark in chunk.marks)
+        return ends and (chunk.bus, part) in self._past
 
 
 class _Recorded(NamedTuple):
@@ -310,8 +322,9 @@ class _PartRead:
         self._groups = _undamaged(part, damage)
         self._group: Sequence[Chunk] = ()
         self._times: list[int] = []
-        """Of the chunks of the group. They never fall: an input keeps the order that it has."""
+        """Of the chunks of the group. They never fall: a bus keeps the order that it has."""
         self._at = 0
+        self._newest: dict[str, int] = {}
         self._last_ns = TIME_LEAST_NS
 
     @property
@@ -333,13 +346,25 @@ class _PartRead:
         return group if self._at - at == len(group) else group[at : self._at]
 
     def fill(self) -> bool:
-        """Read the next group; tell whether there is one."""
-        self._at, self._group, self._times = 0, next(self._groups, ()), []
-        for chunk in self._group:
-            if chunk.t_ns is not None:
-                self._last_ns = max(self._last_ns, chunk.t_ns)
-            self._times.append(self._last_ns)
+        """Read the next group; tell whether there is one.
+
+        A recording has what one bus said for a while, then what another one said meanwhile.
+        """
+        self._at, group = 0, next(self._groups, ())
+        timed = [(self._newest_of(chunk), chunk) for chunk in group]
+        timed.sort(key=itemgetter(0))
+        self._group = [chunk for _, chunk in timed]
+        # what was late to be written is said when it is read
+        self._times = [max(t_ns, self._last_ns) for t_ns, _ in timed]
+        self._last_ns = self._times[-1] if timed else self._last_ns
         return self.has_more
+
+    def _newest_of(self, chunk: Chunk) -> int:
+        """Return when the newest of a bus was said, of all up to a chunk."""
+        newest = self._newest.get(chunk.bus, TIME_LEAST_NS)
+        if chunk.t_ns is not None and chunk.t_ns > newest:
+            newest = self._newest[chunk.bus] = chunk.t_ns
+        return newest
 
 
 def _undamaged(part: Source, damage: list[str]) -> Iterator[Sequence[Chunk]]:
