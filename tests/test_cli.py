@@ -40,6 +40,7 @@ Capsys = pytest.CaptureFixture[str]
         (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
         (["--input-format", "nix"], "'nix' is not one of 'auto', 'bin'"),
         (["--nix"], "No such option '--nix': see `sniffer decode --help`"),
+        (["-x"], "No such option '-x': see `sniffer decode --help`"),
         (["--last", "5s"], "No such option '--last': --from -5s begins 5 s before the end"),
         (["--first", "5s"], "No such option '--first': --to 5s ends 5 s behind the beginning"),
         (["--id", "3"], "No such option '--id': --servo 3,5 selects servos"),

@@ -110,6 +110,19 @@ def test_a_frame_of_every_protocol_can_be_explained(capsys: Capsys) -> None:
         assert (ran.status, ran.err) == (0, ""), frame
 
 
+def test_a_frame_that_is_cut_off_is_no_shorter_one_of_another_protocol_within_it(
+    capsys: Capsys,
+) -> None:
+    ran = within(capsys, "explain", "FFFFFF0104F28C02")
+    assert ran.status == 1
+    assert ran.out.startswith("IRROBOT mightyZAP")
+    assert "need: 9" in ran.out
+
+
+def test_a_request_that_is_explained_alone_is_no_capture_that_ends(capsys: Capsys) -> None:
+    assert "capture" not in within(capsys, "explain", "FFFFFF0104F28C027A").out
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -71,6 +71,11 @@ def packet(*fields: Any, checksum: Any = SUM) -> Any:
             {"packet": packet(ID, LENGTH, CODE, "sums" / Bytes(2), REST)},
             "no plan for params <Bytes>",
         ),
+        (
+            {"packet": packet(ID, LENGTH, Check(lambda ctx: ctx.length < 9), CODE, REST)},
+            "packet: a lambda cannot be read: write this.length, with construct's `this`",
+        ),
+        ({"silent": 254}, r"silent are ids, however many: silent=\(254,\)"),
         ({"feedback": Struct("data" / GreedyBytes)}, "feedback needs a field named error"),
         ({"feedback": Struct("error" / Byte)}, 'feedback needs "data" / GreedyBytes'),
         (

@@ -301,6 +301,15 @@ def test_an_answer_of_one_is_no_answer_to_the_other() -> None:
     assert [t[:3] for t in outer.transactions] == [(0, -1, 1)]
 
 
+def test_a_file_may_stand_in_whichever_place_of_a_name() -> None:
+    root = Path(__file__).parents[1]
+    file = root / "examples" / "protocols" / "lx16a" / "sniffer_lx16a.py"
+    capture = root / "sample_captures" / "mightyzap_manual.hex"
+    for name in (f"mightyzap+{file}", f"{file}+mightyzap"):
+        ran = sniffer("decode", capture, "--protocol", name, "--summary")
+        assert ran.out.startswith("bus0: lx16a+mightyzap, ")
+
+
 def test_whose_bytes_nobody_claims_is_who_makes_most_of_them() -> None:
     torn = bytearray(PING)
     torn[-1] ^= 1

@@ -226,6 +226,12 @@ def test_an_answer_that_comes_once_the_move_is_done_is_no_fault_and_answers_nobo
     assert wrong("sized", other + starts) == ["unsolicited-response"]
 
 
+def test_what_is_only_ever_said_unasked_has_a_size_where_packets_have_no_length() -> None:
+    said_so = said("sized", 0xF8, b"\x00\x5a\x00\x5b", back=True)
+    assert told("sized", said_so * 2)[1] == [(1, "target_angle", 90), (1, "actual_angle", 91)] * 2
+    assert wrong("sized", said_so * 2) == []
+
+
 def test_what_was_measured_when_the_move_was_done_is_read() -> None:
     done = said("sized", 0xFE, b"\x02\x00\x5a\x00\x5b", back=True)
     assert told("sized", done) == (

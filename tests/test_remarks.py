@@ -92,6 +92,16 @@ def test_a_flood_of_line_errors_is_told_once_a_second_and_loses_no_count() -> No
     assert told[1].detail.endswith("99 more since the last report")
 
 
+def test_line_errors_that_come_within_a_second_before_the_end_are_told_at_the_end() -> None:
+    chunks = [chunk(b"\x00", 5 * i, Mark(MarkKind.FRAMING, 0, 1)) for i in range(90)]
+    told = [a for b in decoded(*chunks) for a in b.anomalies if a.code == "line-error"]
+    assert [a.detail for a in told] == [
+        "1 framing error in one byte",
+        "1 framing error in one byte; 88 more since the last report",
+    ]
+    assert told[1].evidence == ((89, 1),)
+
+
 def test_bytes_lost_on_our_side_are_called_ours() -> None:
     batches = decoded(chunk(talk(2), 0), chunk(b"", 5, Mark(MarkKind.OVERRUN, -40, 40, 3)))
     lost = [a for b in batches for a in b.anomalies if a.code == "bytes-lost"]

@@ -46,6 +46,10 @@ class WireRules(Remembering):
         """Return what is wrong."""
         return [*self._capture.judge(batch), *self._tap.judge(batch)]
 
+    def finish(self) -> list[Anomaly]:
+        """Return what was held back until the end."""
+        return self._tap.finish()
+
 
 class AnomalyRules(Remembering):
     """Runs all rules over batch after batch of one bus.
@@ -114,7 +118,7 @@ class AnomalyRules(Remembering):
 
     def finish(self, batch: Batch) -> Batch:
         """Return the last batch with what was held back until the end."""
-        held = self._hearing.finish()
+        held = [*self._hearing.finish(), *(self._wire.finish() if self._wire is not None else ())]
         if not held:
             return batch
         ends = [a for a in batch.anomalies if a.code == "capture-end"]

@@ -21,6 +21,7 @@ from sniffer.ground.codes import (
 )
 from sniffer.ground.memory import Remembering
 from sniffer.ground.model import ANY_ID, DEPTH
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -290,7 +291,7 @@ class PairingRules(Remembering):
         raw = batch.data[start - batch.base : start - batch.base + length]
         return (
             f"the answer of servo {got} does not fit {op}: "
-            f"{int(f.data_length[r])} data bytes, {raw[:32].hex(' ').upper()}"
+            f"{counted(int(f.data_length[r]), 'data byte')}, {raw[:32].hex(' ').upper()}"
         )
 
     def _twice(self, batch: Batch, rows: _Wrong, unasked: I64, answered: I64) -> dict[int, Span]:

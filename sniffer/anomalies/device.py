@@ -239,6 +239,7 @@ class DeviceRules(Remembering):
                     text = f"servo {who} was given the id {raw}"
                     yield anomaly("id-changed", int(v.t_ns[i]), who, text, at)
             else:
-                rate = r.values.get(raw, str(raw))
-                text = f"servo {who} was told the baud rate {rate} (code {raw})"
+                rate = r.values.get(raw)
+                named = f"of code {raw}" if rate is None else f"{rate} (code {raw})"
+                text = f"servo {who} was told the baud rate {named}"
                 yield anomaly("baud-changed", int(v.t_ns[i]), who, text, at)

@@ -23,6 +23,7 @@ from sniffer.ground.model import (
     Clock,
     Direction,
 )
+from sniffer.ground.wording import counted, sum_digits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,8 +42,11 @@ def anomaly(
     return Anomaly(t_ns, known.severity, known.group, code, who, detail, evidence)
 
 
-def _hex(value: Any) -> str:
-    return f"{value:02X}" if isinstance(value, int) else str(value)
+def _sums(expected: Any, got: Any) -> tuple[str, str]:
+    both = expected, got
+    digits = sum_digits(*(value for value in both if isinstance(value, int)))
+    first, last = (f"{v:0{digits}X}" if isinstance(v, int) else str(v) for v in both)
+    return first, last
 
 
 SHOWN: Final = 24
@@ -99,7 +103,7 @@ def _told_gaps(batch: Batch, found: gaps.Gaps, rows: I64) -> list[Told]:
             detail = found[row].detail
             text = _gap_text(kind, base + start, length, *gaps.numbers_in(detail, kind), detail)
             if gaps.ERRORS_HERE in detail:
-                shown += f" (the UART told {detail[gaps.ERRORS_HERE]} line errors here)"
+                shown += f" (the UART told {counted(detail[gaps.ERRORS_HERE], 'line error')} here)"
         out.append((f"{text}{shown}", ((base + start, length),)))
     return out
 
@@ -115,7 +119,8 @@ def _gap_text(
     """Return a sentence up to the bytes; numbers as in ``Gaps``, ``detail`` of what has none."""
     match kind:
         case gaps.CHECKSUM:
-            return f"checksum should be {_hex(expected)} but is {_hex(got)} in "
+            should, sent = _sums(expected, got)
+            return f"checksum should be {should} but is {sent} in "
         case gaps.DAMAGED:
             beside = ("fields", gaps.ERRORS_HERE)
             why = ", ".join(f"{k} {v}" for k, v in detail.items() if k not in beside)

@@ -123,7 +123,8 @@ class TapRules(Remembering):
 
     def __init__(self) -> None:
         self._told: dict[MarkKind, int] = {}
-        self._since: dict[MarkKind, int] = {}
+        self._since: dict[MarkKind, tuple[Remark, int]] = {}
+        """The last one that was not told, and how many they are with it."""
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report remarks, the frequent ones not more often than once a second."""
@@ -134,15 +135,24 @@ class TapRules(Remembering):
             if r.kind in _OFTEN:
                 told = self._told.get(r.kind)
                 if told is not None and r.t_ns - told < QUIET_NS:
-                    self._since[r.kind] = self._since.get(r.kind, 0) + _times(r)
+                    waiting = self._since.get(r.kind)
+                    self._since[r.kind] = r, _times(r) + (waiting[1] if waiting else 0)
                     continue
                 self._told[r.kind] = r.t_ns
-                before = self._since.pop(r.kind, 0)
-            code = _CODE_OF[r.kind]
-            group, severity, *_ = TAP_CODES[code]
-            text = _told(r) + (f"; {before} more since the last report" if before else "")
-            at = (max(r.start, 0), r.length)
-            yield Anomaly(r.t_ns, severity, group, code, None, text, (at,))
+                _, before = self._since.pop(r.kind, (r, 0))
+            yield _reported(r, before)
+
+    def finish(self) -> list[Anomaly]:
+        """Return the reports of what came since the last ones, where it is the end."""
+        waiting, self._since = self._since, {}
+        return [_reported(last, count - _times(last)) for last, count in waiting.values()]
+
+
+def _reported(r: Remark, before: int) -> Anomaly:
+    code = _CODE_OF[r.kind]
+    group, severity, *_ = TAP_CODES[code]
+    text = _told(r) + (f"; {before} more since the last report" if before else "")
+    return Anomaly(r.t_ns, severity, group, code, None, text, ((max(r.start, 0), r.length),))
 
 
 OPEN_ENDED: Final = frozenset(

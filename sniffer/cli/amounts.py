@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sniffer.decoding.names import AND, is_known, joined, protocols_named
+from sniffer.decoding.names import AND, apart, is_known, joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
@@ -108,7 +108,7 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
     before, equals, last = rest.rpartition("=")
     if not equals or "?" in before:  # an address may have options behind a question mark
         return rest, None
-    if last == AUTO or is_file(last) or last in PROTOCOLS:
+    if last == AUTO or last in PROTOCOLS or (is_file(last) and len(apart(last)) == 1):
         if last != AUTO:
             protocol_named(last)  # what is wrong with a plug-in is told before a port is opened
         return before, last

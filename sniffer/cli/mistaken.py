@@ -118,9 +118,10 @@ def _otherwise(error: click.NoSuchOption) -> str | None:
     params = error.ctx.command.params if error.ctx else ()
     if any(option in param.opts for param in params):
         return does
-    for param in params:  # --json for --format jsonl
+    begin = error.option_name.removeprefix("--")
+    for param in params if begin != error.option_name else ():  # --json for --format jsonl
         words = getattr(param.type, "choices", ()) if "--format" in param.opts else ()
-        if form := next((w for w in words if w.startswith(error.option_name[2:])), None):
+        if form := next((w for w in words if w.startswith(begin)), None):
             return f"--format {form} prints that"
     return _selects_no_rows(error)
 

@@ -205,4 +205,6 @@ def _checksum(protocol: BusProtocol, raw: bytes) -> str:
         return ""
     checksum, body, got = found
     shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
-    return f"{checksum.formula} of [{shown}] = {checksum(body):02X}, sent {got:02X}"
+    should = checksum(body)
+    digits = sum_digits(should, got)
+    return f"{checksum.formula} of [{shown}] = {should:0{digits}X}, sent {got:0{digits}X}"

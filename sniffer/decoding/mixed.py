@@ -148,7 +148,11 @@ class MixedDecoder(Remembering):
     def close(self) -> tuple[Batch, ...]:
         """Decode what is left, as ``Decoder.close`` does."""
         batches = self._decode(final=True, ends=True) if self.pending else self._nothing()
-        return tuple(part.finish(b) for part, b in zip(self._parts, batches, strict=True))
+        ended = [part.finish(b) for part, b in zip(self._parts, batches, strict=True)]
+        if found := self._wire.finish():
+            last = ended[self._speaker]
+            ended[self._speaker] = replace(last, anomalies=(*last.anomalies, *found))
+        return tuple(ended)
 
     @property
     def pending(self) -> int:

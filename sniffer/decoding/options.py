@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.alarms import alarm_in, refusal
 from sniffer.decoding.called import ServoNames, names_in, overlaid
-from sniffer.decoding.names import is_known, joined, protocols_named
+from sniffer.decoding.names import apart, is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
@@ -174,7 +174,8 @@ class Options:
                     )
                     raise InputError(Sentence(told, bus=bus, name=repr(name[:40]), package=package))
             return dict(known)
-        if is_file(self.protocol):
+        one = isinstance(self.protocol, str) and len(apart(self.protocol)) == 1
+        if one and is_file(self.protocol):
             own = protocol_named(self.protocol).name
             if own in known.values():
                 return {b: self.protocol if name == own else name for b, name in known.items()}

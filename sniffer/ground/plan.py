@@ -322,5 +322,9 @@ def asked_by(expression: Expression) -> set[str]:
             seen.add(key)
             return 4
 
-    expression(Probe())
+    try:
+        expression(Probe())
+    except AttributeError as error:
+        told = f"a lambda cannot be read: write this.{error.name}, with construct's `this`"
+        raise TypeError(told) from None
     return seen

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.ground.files import occupied
-from sniffer.ground.model import InputError
+from sniffer.ground.model import InputError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -20,12 +20,14 @@ if TYPE_CHECKING:
 class Aside:
     """Holds files that are replaced; they are back where an input was refused, and gone else.
 
-    What was decoded of one bus is not given up for them where another one's protocol is unknown.
+    So they are where the one output could not be written to its end. What was decoded of one bus is
+    not given up for them where another one's protocol is unknown.
     """
 
     def __init__(self) -> None:
         self._held: list[tuple[Path, Path]] = []
         self._new: list[Path] = []
+        self._count = 0
 
     def take(self, files: Iterable[Path]) -> None:
         """Move the files that hold something out of the way; a link leads to where it did.
@@ -33,6 +35,7 @@ class Aside:
         Where a folder lets none be moved, one is written over as it stands.
         """
         files = [*files]
+        self._count += len(files)
         self._new += [file for file in files if not file.exists()]
         for file in filter(occupied, files):
             path = file.resolve()
@@ -58,7 +61,9 @@ class Aside:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if isinstance(error, InputError) and not _is_in_part(error):
+        is_refused = isinstance(error, InputError) and not _is_in_part(error)
+        # of several, who knows which; the others are whole
+        if is_refused or (isinstance(error, OutputError) and self._count == 1):
             self.restore()
         for path, held in self._held:
             with contextlib.suppress(OSError):

@@ -99,7 +99,10 @@ def _likely(data: bytes) -> str:
     seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.candidates()}
     damaged = {name: sum(g.length for g in gaps if _sums(g)) for name, gaps in seen.items()}
     torn = {name: gaps[0].length for name, gaps in seen.items() if gaps and _begins(gaps[0])}
-    for sizes in (damaged, torn):
+    # one that is damaged within what is no more than the beginning of another one is none
+    all_of_it = {name: size for name, size in torn.items() if size == len(data)}
+    rest = 2 * max(damaged.values(), default=0) <= len(data)
+    for sizes in (all_of_it if rest else {}, damaged, torn):
         most = max(sizes.values(), default=0)
         best = [name for name, size in sizes.items() if size == most > 0]
         if len(best) == 1:
@@ -122,7 +125,7 @@ def _begins(gap: Gap) -> bool:
 def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str], bool]]:
     pieces = [draw_frame(batch, protocol, i) for i in range(len(batch.frames))]
     pieces += [draw_gap(batch, protocol, gap) for gap in batch.gaps]
-    found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}
+    found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing", "capture")}
     for piece in sorted(pieces, key=lambda p: p.offset):
         lines = piece.lines
         if piece.offset in found and piece.holds:

@@ -5,13 +5,14 @@ Boxes flow from line to line, so that a frame can be read on a phone and on pape
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.drawing import in_words
+from sniffer.ground.wording import sum_digits
 from sniffer.reports.markup import Markup, joined, tag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sniffer.decoding.drawing import Drawn
     from sniffer.protocols.base import FieldSpan
@@ -32,7 +33,8 @@ def drawing(piece: Drawn) -> Markup:
     if piece.outcome not in ("", "ok"):
         told.append(f"exchange: {piece.outcome}")
     if piece.known and not piece.spans:
-        told += [f"{k.replace('_', ' ')}: {_known(k, v)}" for k, v in piece.known.items()]
+        digits = _digits(piece.known)
+        told += [f"{k.replace('_', ' ')}: {_known(k, v, digits)}" for k, v in piece.known.items()]
     if told:
         lines.append(tag("ul", *(tag("li", line) for line in told), cls="known"))
     title = tag("p", tag("b", piece.title), f" at byte {piece.offset}", cls="piece")
@@ -58,7 +60,7 @@ def _field(piece: Drawn, span: FieldSpan) -> Markup:
     if span.name != piece.wrong or piece.known is None:
         return _box(raw, span.name, span.value, span.note)
     expected = piece.known.get("checksum_expected", 0)
-    return _box(raw, span.name, f"should be {expected:02X}", wrong=True)
+    return _box(raw, span.name, f"should be {expected:0{_digits(piece.known)}X}", wrong=True)
 
 
 def _box(raw: bytes, name: str, value: str, note: str = "", *, wrong: bool = False) -> Markup:
@@ -78,7 +80,12 @@ def _box(raw: bytes, name: str, value: str, note: str = "", *, wrong: bool = Fal
     )
 
 
-def _known(key: str, value: object) -> str:
+def _digits(known: Mapping[str, Any]) -> int:
+    sums = (v for k, v in known.items() if k.startswith("checksum") and isinstance(v, int))
+    return sum_digits(*sums)
+
+
+def _known(key: str, value: object, digits: int) -> str:
     if key.startswith("checksum") and isinstance(value, int):
-        return f"{value:02X}"
+        return f"{value:0{digits}X}"
     return in_words(value)

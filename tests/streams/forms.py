@@ -243,6 +243,7 @@ SIZED: Final = member(
         0xF3: Command("enable", BYTE, MUST, at=0x10, feedback=STATUS),
         0xF6: Command("move", Struct("goal" / Byte, "time" / Byte), MUST, at=0x10, feedback=STATUS),
         0xF7: Command("stop", EMPTY, NEVER),
+        0xF8: Command("stream", EMPTY, NEVER, answer=4, answer_at=0x20),
         0xFD: Command("travel", BYTE, MUST, at=0x10, feedback=STATUS, later={"status": (2, 3)}),
         0xFE: Command(
             "seek",

@@ -267,7 +267,9 @@ class PacketFamily:
 
     def _answering(self) -> list[tuple[int, Command]]:
         asked = [(code, self.commands[k]) for code, k in self.asked_by.items()]
-        return [(code, k) for code, k in asked if (k.reply, k.to_all) != (NEVER, NEVER)]
+        return [
+            (code, k) for code, k in asked if k.on_its_own or (k.reply, k.to_all) != (NEVER, NEVER)
+        ]
 
     def _size_of(self, command: Command, *, back: bool = False) -> int:
         """Return how many bytes the parameters of a command, or of its answer, have."""

@@ -52,7 +52,10 @@ def _check_numbers(family: PacketFamily) -> None:
             f"window_ns={family.window_ns} is in nanoseconds: 5 ms are 5_000_000",
         )
     for what in ("silent", "anyone"):
-        for servo_id in getattr(family, what):
+        ids = getattr(family, what)
+        if isinstance(ids, int):
+            _refuse(family, f"{what} are ids, however many: {what}=({ids},)")
+        for servo_id in ids:
             if not 0 <= servo_id <= 255:
                 _refuse(family, f"{what} are ids from 0 to 255, and {servo_id} is none")
 
