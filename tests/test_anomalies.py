@@ -7,6 +7,7 @@ import pytest
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Severity
+from tests.streams.members import example
 from tests.streams.mightyzap import packet
 
 MS = 1_000_000
@@ -78,6 +79,18 @@ def test_who_answers_late_is_named_also_where_all_were_asked() -> None:
     (found,) = anomalies(at(0, packet(0, 0xF1)), at(67, packet(3, 0)))
     assert (found.code, found.servo_id) == ("late-response", 3)
     assert found.detail.startswith("servo 3 answered echo after ")
+
+
+def test_an_answer_that_could_be_a_command_is_no_odd_one_but_says_nothing() -> None:
+    read, says = bytes.fromhex("FFFF0104022402D2"), bytes.fromhex("FFFF0104022403D1")
+    decoder = Decoder(example("dynamixel1").PROTOCOL)
+    found = [
+        a for b in (decoder.feed(Chunk((read + says) * 2)), decoder.close()) for a in b.anomalies
+    ]
+    doubted = [a.detail for a in found if a.code == "doubtful-response"]
+    assert len(doubted) == 2
+    assert doubted[0].startswith("an answer that could be the command read as well: no values")
+    assert "unusual-form" not in {a.code for a in found}
 
 
 def test_an_answer_after_the_silence_is_late_too_and_its_request_unanswered() -> None:

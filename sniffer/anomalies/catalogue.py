@@ -194,6 +194,14 @@ _CODES: Final = (
         "Nothing to do if the servos understand it.",
     ),
     Code(
+        "doubtful-response",
+        "protocol",
+        NOTE,
+        "An answer that could be a command as well: no values are taken from it.",
+        "Its error byte is the number of a command, and as many bytes follow as that command has (DYNAMIXEL 1.0, Feetech); nothing else tells the two apart.",
+        "Tap the two directions apart; or clear the error that the servo reports.",
+    ),
+    Code(
         "value-out-of-range",
         "protocol",
         WARN,

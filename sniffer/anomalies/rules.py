@@ -135,6 +135,11 @@ def _gap_text(
             return f"{length} {'byte' if length == 1 else 'bytes'} that no frame claims: "
 
 
+_DOUBTED: Final = (
+    "doubtful-response",
+    "an answer that could be the command {op} as well: no values are taken from it: {shown}",
+)
+
 _ODD: Final = (
     (MALFORMED, "malformed-body", "{op} with a body it cannot have: {shown}"),
     (UNKNOWN, "unknown-command", "{op} stands in no manual: {shown}"),
@@ -150,20 +155,25 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Anomalies:
     if not f.flags.any():
         return NONE
     own = f.flags & ECHO == 0
-    return Anomalies.joined(
-        [
-            _odd(batch, protocol, np.flatnonzero(own & (f.flags & flag > 0)), code, text)
-            for flag, code, text in _ODD
-        ]
-    )
+    found = []
+    for flag, code, text in _ODD:
+        rows = np.flatnonzero(own & (f.flags & flag > 0))
+        if flag == UNUSUAL and len(getattr(protocol, "doubtful", ())):
+            is_answer = f.kind[rows] == RESPONSE
+            doubted, rows = rows[is_answer], rows[~is_answer]
+            found.append(_odd(batch, protocol, doubted, f.status[doubted], *_DOUBTED))
+        found.append(_odd(batch, protocol, rows, f.op[rows], code, text))
+    return Anomalies.joined(found)
 
 
-def _odd(batch: Batch, protocol: BusProtocol, rows: I64, code: str, text: str) -> Anomalies:
+def _odd(
+    batch: Batch, protocol: BusProtocol, rows: I64, op: I16 | I64, code: str, text: str
+) -> Anomalies:
     f, data = batch.frames, batch.data
 
     def tell(mine: Sequence[int]) -> list[str]:
         at = rows[mine]
-        start, ops = f.start[at], f.op[at].tolist()
+        start, ops = f.start[at], op[mine].tolist()
         stop = start + np.minimum(f.length[at], 32)
         names = {op: protocol.op_name(op) for op in set(ops)}
         return [
