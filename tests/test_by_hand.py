@@ -8,9 +8,11 @@ Source: users' libraries for the B3M, checked with each other (sizes, codes, sum
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pytest
 from construct import Byte, Bytes, Check, ConstructError, this
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,6 +25,7 @@ from sniffer.ground.model import Chunk, Frames, Spans
 from sniffer.ground.plan import plan_of
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.timing import byte_time_ns
+from sniffer.protocols import PluginError
 from sniffer.protocols.base import SlowFrame, view
 from sniffer.protocols.by_hand import ByHand
 from sniffer.protocols.packets import Packet, Seal
@@ -191,3 +194,17 @@ def test_what_a_protocol_does_not_say_itself_is_said_for_it() -> None:
     (torn,), (noise,) = PROTOCOL.explain(b"\x07\x83", 3, awaited=True), PROTOCOL.explain(b"\x01", 0)
     assert (torn.reason, torn.start, torn.detail["have"]) == ("truncated", 3, 2)
     assert (noise.reason, noise.length) == ("noise", 1)
+
+
+def test_a_servo_that_there_cannot_be_is_refused_with_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    describe = PROTOCOL.describe
+
+    def wide(block: Block, spans: Spans) -> Frames:
+        frames = describe(block, spans)
+        return replace(frames, servo_id=frames.servo_id + np.int16(255))
+
+    monkeypatch.setattr(PROTOCOL, "describe", wide)
+    with pytest.raises(PluginError, match="b3m: the frame at byte 0 names servo 256: ids are 0 to"):
+        heard(TALK[0])

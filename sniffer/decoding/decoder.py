@@ -18,7 +18,7 @@ from sniffer.anomalies import AnomalyRules
 from sniffer.decoding.edges import LeftOpen
 from sniffer.decoding.expectations import Expectations
 from sniffer.decoding.holes import holes_of, mark_tail, surveyed
-from sniffer.decoding.met import Met, empty_batch
+from sniffer.decoding.met import Met, described, empty_batch
 from sniffer.decoding.pairing import Pairing
 from sniffer.decoding.state import DecoderState
 from sniffer.decoding.values import Scaling
@@ -264,7 +264,7 @@ class Decoder(Remembering):
 
     def meet(self, block: Block, spans: Spans, decided: int) -> Met:
         """Describe the frames of a block, and give each answer its request."""
-        frames = self.protocol.describe(block, spans)
+        frames = described(self.protocol, block, spans, self._base)
         silent = self._base in self._barriers
         frames, partner = self._pairing.match(frames, block, decided, self._base, silent=silent)
         return Met(block, frames, partner, decided)
