@@ -52,6 +52,10 @@ def test_a_shell_is_told_how_to_complete(shell: str, capsys: Capsys) -> None:
         ("sniffer decode --protocol m", {"mightyzap"}),
         ("sniffer completion z", {"zsh"}),
         ("sniffer explain no-resp", {"no-response"}),
+        ("sniffer decode x --code noise,no-resp", {"noise,no-response"}),
+        ("sniffer record x --until brown", {"brownout"}),
+        ("sniffer registers mightyzap-", {"mightyzap-12lf", "mightyzap-l12"}),
+        ("sniffer simulate wck --fault reset", {"reset-loop"}),
     ],
 )
 def test_bash_completes_commands_options_and_their_words(

@@ -123,7 +123,11 @@ def _gap_text(
             return f"checksum should be {should} but is {sent} in "
         case gaps.DAMAGED:
             beside = ("fields", gaps.ERRORS_HERE)
-            why = ", ".join(f"{k} {v}" for k, v in detail.items() if k not in beside)
+            why = ", ".join(
+                f"{k} {v:02X}" if k == "code" else f"{k} {v}"
+                for k, v in detail.items()
+                if k not in beside
+            )
             return f"not a whole frame ({why}): "
         case gaps.TRUNCATED | gaps.IDLE_TAIL:
             need = "" if expected == gaps.UNTOLD else f" of {expected}"

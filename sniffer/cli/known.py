@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from sniffer.cli.options import examples, with_format
+from sniffer.cli.options import completing, examples, with_format
 from sniffer.cli.streams import width_of_terminal
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
@@ -53,7 +53,7 @@ def _models() -> dict[str, RegisterMap]:
         "sniffer registers my_servo.toml",
     ),
 )
-@click.argument("model", required=False)
+@click.argument("model", required=False, shell_complete=completing(_models))
 @with_format("text", "jsonl")
 def registers(model: str | None, output_format: str) -> None:
     """Show the register table of MODEL (or those of a protocol), or which models there are.

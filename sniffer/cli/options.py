@@ -253,6 +253,24 @@ def files_here(
     return [CompletionItem(incomplete, type="file")]
 
 
+def completing(
+    words: Callable[[], Iterable[str]],
+) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """Return what has a shell complete one of some words, or the last of a list of them."""
+
+    def complete(
+        context: click.Context, parameter: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        from click.shell_completion import CompletionItem
+
+        before, comma, last = incomplete.rpartition(",")
+        return [
+            CompletionItem(f"{before}{comma}{word}") for word in words() if word.startswith(last)
+        ]
+
+    return complete
+
+
 with_files = click.argument(
     "files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True
 )

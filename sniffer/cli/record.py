@@ -18,6 +18,7 @@ from sniffer.cli.options import (
     ProtocolName,
     Renamed,
     Whole,
+    completing,
     examples,
     files_here,
     pipeline_options,
@@ -54,6 +55,12 @@ POST_NS: Final = 10 * NS
 
 WORD_S: Final = 0.5
 """How long a line on standard error may take before it is left out."""
+
+
+def _happenings() -> list[str]:
+    from sniffer.jobs.meanings import known_names
+
+    return known_names()
 
 
 @click.command(
@@ -128,6 +135,7 @@ WORD_S: Final = 0.5
 @click.option("--idle", type=Duration(), help="Stop when no byte has come for this time.")
 @click.option(
     "--until", multiple=True, callback=waited_for, metavar="WHAT",
+    shell_complete=completing(_happenings),
     help="Stop when this happens: a cause (docs/causes.md), a code (docs/anomalies.md), a rule "
     "like that of --alarm, any incident.",
 )  # fmt: skip
@@ -141,6 +149,7 @@ WORD_S: Final = 0.5
 )  # fmt: skip
 @click.option(
     "--trigger", "triggers", multiple=True, callback=waited_for, metavar="WHAT",
+    shell_complete=completing(_happenings),
     help="With --ring: write a file when this happens, as for --until.",
 )  # fmt: skip
 @click.option(

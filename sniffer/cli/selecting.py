@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sniffer.cli.options import Command, gathered
+from sniffer.cli.options import Command, completing, gathered
 from sniffer.cli.servos import ids_in
 from sniffer.ground.amounts import time_in
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
@@ -24,6 +26,12 @@ def _listed(
 ) -> tuple[str, ...]:
     """Read values that are joined by commas or given one by one."""
     return tuple(word.strip() for text in given for word in text.split(",") if word.strip())
+
+
+def _codes() -> Iterable[str]:
+    from sniffer.anomalies.catalogue import CATALOGUE
+
+    return CATALOGUE
 
 
 _OF_IDS: Final = frozenset("0123456789-.")
@@ -140,6 +148,7 @@ _ROWS = (
     ),
     click.option(
         "--code", "codes", multiple=True, callback=_listed, metavar="CODE,...",
+        shell_complete=completing(_codes),
         help="Only anomalies of these codes, such as no-response.",
     ),
     _BUSES,

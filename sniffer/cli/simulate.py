@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import ProtocolName, Whole, examples, files_here, with_force
+from sniffer.cli.options import ProtocolName, Whole, completing, examples, files_here, with_force
 from sniffer.cli.playback import told_bytes
 from sniffer.cli.servos import ids_in, models
 from sniffer.cli.signals import ended_by_signals
@@ -57,6 +57,12 @@ def _servos(
     if "," in given or "-" in given or ids == (0,):  # no servo would be no bus: that is an id
         return ids
     return ids[0]
+
+
+def _kinds() -> list[str]:
+    from sniffer.simulation.faults import FAULTS, spelled
+
+    return [spelled(kind) for kind in FAULTS]
 
 
 def _faults(
@@ -113,7 +119,7 @@ def _faults(
 @click.option("--duration", type=Duration(), help="Stop after this time: 10s, 5min.")
 @click.option(
     "--fault", "faults", multiple=True, callback=_faults,
-    metavar="KIND[:SERVO][:RATE%][@FROM[+FOR]]",
+    metavar="KIND[:SERVO][:RATE%][@FROM[+FOR]]", shell_complete=completing(_kinds),
     help="What goes wrong, how often at each chance, and when. On the line: drop-reply, flip, cut, "
     "late, noise, duplicate-id, brownout. A servo: limp, stall, overheat, overload, dead, absent, "
     "slow, reset-loop, refuse, chatty. The controller: hang, jitter, impatient, nv-wear. May be "

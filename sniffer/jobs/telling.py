@@ -123,7 +123,8 @@ def result(
     anomalies = sum(sum(b.codes.values()) for b in totals)
     tell.talk(
         f"{size} bytes {'recorded' if keeps_all else 'heard'}, {frames} frames, "
-        f"{gaps} bytes in no frame, {anomalies} anomalies{_where(files)}"
+        f"{gaps} bytes in no frame, {anomalies} {'anomaly' if anomalies == 1 else 'anomalies'}"
+        f"{_where(files)}"
     )
     by_bus: dict[str, int] = {}
     for tap in taps:
