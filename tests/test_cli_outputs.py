@@ -18,6 +18,7 @@ from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks
 from sniffer.sinks import SINKS
 from tests.commands import COMMAND, Ran, sniffer, talk, within
+from tests.disks import disk
 from tests.recordings import keep
 from tests.recordings import talk as simulated
 
@@ -381,6 +382,22 @@ def test_what_comes_to_nothing_replaces_no_file(
     assert within(capsys, *words, "--force").status == 2
     assert kept.read_bytes() == DEAR
     assert sorted(tmp_path.iterdir()) == sorted([good, kept, noise])
+
+
+@posix
+def test_an_output_that_finds_no_room_gives_back_what_stood_there(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    source = tmp_path / "long.bin"
+    source.write_bytes(talk(3000))
+    with disk(tmp_path / "small", "100k") as folder:
+        kept = folder / "x.jsonl"
+        kept.write_bytes(DEAR)
+        ran = within(capsys, "convert", source, kept, "--force")
+        assert ran.status == 2
+        assert f"{kept}: cannot be written (No space left on device)" in ran.complaint
+        assert kept.read_bytes() == DEAR
+        assert [*folder.iterdir()] == [kept]
 
 
 @posix
