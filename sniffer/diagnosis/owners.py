@@ -287,7 +287,7 @@ def _less_steady(pairs: Sequence[SecondAnswer], grid: int) -> Iterator[TornPlace
 
 
 def _within(few: tuple[int, int], most: tuple[int, int]) -> float:
-    """Return how much likelier it is that places lie thickest in a part of a span than evenly in it.
+    """Return how much likelier it is that places lie thickest in a part of a span than evenly.
 
     A second answer comes as steadily as the first; where a request lies over it, that begins first.
     """
@@ -349,7 +349,12 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
         thick.append((n, span))
         told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
         if told > score:
-            begins, ends, score, most = int(since[first]), int(since[last[first] - 1]), told, (n, span)
+            begins, ends, score, most = (
+                int(since[first]),
+                int(since[last[first] - 1]),
+                told,
+                (n, span),
+            )
     score += max((_within(few, most) for few in thick if 0 < few[0] < most[0]), default=0.0)
     last = np.searchsorted(since, since + spans[-1], "right")
     around = np.flatnonzero((since <= begins) & (since + spans[-1] >= ends))
