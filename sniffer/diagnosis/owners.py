@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
+from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
@@ -210,8 +211,8 @@ def _varies(since: Sequence[int]) -> float:
 def _traces(case: Case) -> Sequence[TornPlace]:
     """Return places whose time is known: torn ones, and second answers."""
     torn = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
-    requests, answers = heard(case)
-    places = [d for d in torn if d.at not in requests and d.at not in answers]
+    no_traces = set().union(*heard(case), ends_of_requests(case))
+    places = [d for d in torn if d.at not in no_traces]
     within, headed = named_within(case), named_by_header(case)
     # what names the servo asked, and stands before its whole answer, is one of two answers of it
     first = {d.at: d.servo_id for d in places if d.is_answered and headed.get(d.at) == d.servo_id}

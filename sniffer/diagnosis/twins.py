@@ -16,6 +16,7 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.followed import CHANCE, USUAL, followed
+from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
@@ -122,7 +123,9 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         if earlier is not None and d.at not in belated and _is_foreign(d, begins, requests):
             earlier.foreign.append(d)
     late = _late_twins(case)
+    requests_into = ends_of_requests(case)
     strays = [d for d in case.damages if d.turn == AT_TURN or _is_left_behind(case, d)]
+    strays = [d for d in strays if d.at not in requests_into]
     # a request some bits of which are wrong was hit by a pulse, not by an answer; one that is
     # answered was heard whole
     requests_torn = [d for d in case.damages if d.turn == IN_REQUEST]
@@ -147,7 +150,8 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         whole = int(case.alarms["n"][rows].sum())
         # what stands right behind a torn request is the answer to it
         asked = np.isin(events.at, list(ends))
-        events, whole = events.take(~asked), whole - int(asked.sum())
+        asked |= np.isin(events.at + events.length, list(requests_into))
+        events, whole = events.take(~asked), 0 if asked.all() else whole - int(asked.sum())
         other = late.get(servo)
         if other is None:
             twin.whole, twin.times = whole, events.t_ns.tolist()
