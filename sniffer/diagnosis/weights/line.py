@@ -115,8 +115,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     ),
     *for_(
         "emi-load",
-        ("damage-while-moving", 5.0, "it comes while motors work, and not while they rest"),
-        ("damage-behind-steps", 5.0, "it begins when goals jump, and fades behind"),
+        ("damage-while-moving", 3.0, "it comes while motors work, and not while they rest"),
+        ("damage-behind-steps", 3.5, "it begins when goals jump, and fades behind"),
         ("damage-whatever-moves", -3.0, "it comes with the motors, and is rare while they rest"),
         ("voltage-sag", -0.5, "the supply sags under the load"),
     ),
