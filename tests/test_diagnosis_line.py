@@ -304,6 +304,7 @@ TOLD: Final = (
     ("held-value", "held", "stuck"),
     ("line-babbles", "chatter", "sparks"),
     ("damage-while-moving", "sparks", "noise"),
+    ("damage-whatever-moves", "noise", "sparks"),
     ("damage-behind-steps", "sparks of all", "chatter"),
     ("two-protocols", "two makes", "other protocol"),
     ("foreign-frames", "other protocol", "noise"),
