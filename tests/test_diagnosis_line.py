@@ -220,7 +220,9 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
     {
         "none": suffering,
         "noise": lambda: suffering(Noise(ALWAYS, 60)),
-        "noise for long": lambda: suffering(Noise(ALWAYS, 40), it=robot_of(seconds=(10, 10))),
+        "noise for long": lambda: suffering(
+            Noise(ALWAYS, 40), it=robot_of(seconds=(8, 8), reads="position")
+        ),
         "sparks": lambda: suffering(
             MotorNoise(ALWAYS, 1500), it=robot_of(seconds=(9, 9)), goals=lambda rng: steps(rng, 1.5)
         ),

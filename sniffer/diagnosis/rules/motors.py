@@ -34,7 +34,7 @@ FINDINGS: Final = (
         "damage-whatever-moves",
         "line",
         "Damage comes as often while motors hardly work as while they work hard.",
-        "As above, twenty places or more, and less than one standard deviation over chance, where the motors work now more and now less: how hard varies by a seventh of the most at least.",
+        "As above, twenty places or more, and less than one standard deviation over chance, where the motors work now more and now less: how hard (by load or current, where they are told) varies by a seventh of the most at least.",
         is_manner=True,
     ),
     FindingCode(
@@ -75,6 +75,9 @@ one, and the most is 2."""
 VARIED: Final = 0.15
 """By how much of the most the work must vary to tell: what works evenly disturbs evenly."""
 
+BY_MOTION: Final = 0.7
+"""How much it counts where motion alone is told: what a motor takes to hold its place is not known."""
+
 KNOWN: Final = 0.5
 """Part of the buckets in which a quantity must be stated to tell."""
 
@@ -94,7 +97,8 @@ PLENTY: Final = 20
 CHANCE: Final = 0.02
 """How many times as much is damaged behind them as before, how much at the least, and how likely chance is to have it so by step."""
 
-EFFORTS: Final = ("current", "load", "speed")
+PULLS: Final = ("current", "load")
+EFFORTS: Final = (*PULLS, "speed")
 WAYS: Final = ("position", "goal_position")
 """What tells how hard motors work: by its amount, or by how far it goes."""
 
@@ -128,7 +132,10 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     told = [(_beyond(level, hits, said), level, what) for level, what in ways]
     (correlated, counted, shifted), level, what = max(told, key=lambda one: one[0])
     is_moved = correlated >= CORRELATED and counted >= COUNTED and shifted >= SHIFTED
-    varied = max(float(share.std()) for share in shares.values())
+    # a motor that holds works as well: where that is measured, motion alone does not tell
+    pulls = [q for q in PULLS if levels[q] is not None]
+    work = pulls or list(shares)
+    varied = max((float(shares[q].std()) for q in work if q in shares), default=0.0)
     is_unmoved = correlated < UNMOVED and n.sum() >= PLENTY and varied >= VARIED
     if not is_moved and not is_unmoved:
         return
@@ -154,7 +161,7 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
         ),
         strength=strength_of(correlated, len(ways))
         if is_moved
-        else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0),
+        else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0) * (1.0 if pulls else BY_MOTION),
         brief="damage comes while motors work" if is_moved else "damage comes whatever moves",
     )
 
