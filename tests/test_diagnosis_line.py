@@ -220,6 +220,9 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
     {
         "none": suffering,
         "noise": lambda: suffering(Noise(ALWAYS, 60)),
+        "noise for long": lambda: suffering(
+            Noise(ALWAYS, 40), it=robot_of(seconds=(8, 8), reads="position")
+        ),
         "sparks": lambda: suffering(
             MotorNoise(ALWAYS, 1500), it=robot_of(seconds=(9, 9)), goals=lambda rng: steps(rng, 1.5)
         ),
@@ -304,6 +307,7 @@ TOLD: Final = (
     ("held-value", "held", "stuck"),
     ("line-babbles", "chatter", "sparks"),
     ("damage-while-moving", "sparks", "noise"),
+    ("damage-whatever-moves", "noise for long", "sparks"),
     ("damage-behind-steps", "sparks of all", "chatter"),
     ("two-protocols", "two makes", "other protocol"),
     ("foreign-frames", "other protocol", "noise"),

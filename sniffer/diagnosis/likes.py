@@ -49,12 +49,20 @@ class Asking(NamedTuple):
 
 
 class RequestBefore(NamedTuple):
-    """A request: whom it asked, when it was over (ns), whether a sound answer came, its kind."""
+    """A request: whom it asked, when it was over, its kind, and when its answer began (ns).
+
+    ``answer_ns`` is -1 where no sound answer came.
+    """
 
     servo_id: int
     t_ns: int
-    is_answered: bool
     asking: Asking
+    answer_ns: int
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether a sound answer came."""
+        return self.answer_ns >= 0
 
 
 def asking_of(f: Frames, row: int) -> Asking:
@@ -138,17 +146,17 @@ class Likes:
     def asked_before(self, batch: Batch | None, row: int) -> tuple[RequestBefore, ...]:
         """Return the last few requests up to a row, the latest first."""
         out: list[RequestBefore] = []
-        behind = -1
+        behind_ns = -1
         for held, rows in self._backwards(batch, row, NEAR):
             f = held.frames
             for k, kind in zip(rows[::-1].tolist(), f.kind[rows][::-1].tolist(), strict=True):
                 if kind == REQUEST:
                     asking = asking_of(f, k)
                     t_ns = int(f.t_end[k])
-                    out.append(RequestBefore(asking.servo_id, t_ns, behind == RESPONSE, asking))
+                    out.append(RequestBefore(asking.servo_id, t_ns, asking, behind_ns))
                     if len(out) == ASKED:
                         return tuple(out)
-                behind = kind
+                behind_ns = int(f.t_start[k]) if kind == RESPONSE else -1
         return tuple(out)
 
     def answers(self, batch: Batch | None, row: int, asked: bytes) -> tuple[bytes, ...]:

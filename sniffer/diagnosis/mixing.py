@@ -44,15 +44,15 @@ class Mix(NamedTuple):
 
 
 @functools.lru_cache(maxsize=256)
-def _mixes(begin: bytes) -> dict[bytes, Mix]:
-    """Return what is heard of two answers that begin alike, by the bytes that are sure."""
+def _mixes(begin: bytes, other: bytes) -> dict[bytes, Mix]:
+    """Return what is heard of two answers that begin so, by the bytes that are sure."""
     out: dict[bytes, Mix] = {}
     first = sent(begin)
-    sure = BITS * len(begin)
+    sure = BITS * min(len(begin), len(other))
     steps = [k / FINE for k in range(1, FINE * BITS)]
     steps += [BITS + k / 4 for k in range(4 * (sure - 2 * BITS))]
     for shift in steps:
-        second = sent(begin, begin=shift)
+        second = sent(other, begin=shift)
         for how, of in ((AND, min), (OR, max)):
             edges = both(first, second, of)
             for middle in MIDDLES:
@@ -65,9 +65,9 @@ def _mixes(begin: bytes) -> dict[bytes, Mix]:
     return out
 
 
-def mix_of(got: bytes, begin: bytes) -> Mix | None:
-    """Return how two answers that begin with some bytes give what was heard; None: they do not."""
-    known = _mixes(begin)
+def mix_of(got: bytes, begin: bytes, other: bytes) -> Mix | None:
+    """Return how two answers that begin so, the other later, give what was heard, if they do."""
+    known = _mixes(begin, other)
     for size in range(min(MOST, len(got)), LEAST - 1, -1):
         if (found := known.get(got[:size])) is not None:
             return found

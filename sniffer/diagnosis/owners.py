@@ -17,11 +17,13 @@ bound of its own for noise, which lies anywhere.
 
 from __future__ import annotations
 
+from math import log
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
+from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.seconds import SecondAnswer
 from sniffer.diagnosis.signs import is_anothers, named_by_header, named_within
@@ -154,16 +156,63 @@ def _owner(case: Case) -> Owner | None:
         return None
     if is_anothers(case, (t.at for t in found[0].traces), found[0].servo_id):
         return None
+    first = {o.servo_id: _first(case, o.servo_id, traces, grid) for o in found}
+    whose = first[found[0].servo_id]
+    if whose == -1:
+        return None
     # Torn answers that come as steadily at one end are those of who was asked, as far as one knows.
-    lead = found[0].score - max((most[o.servo_id] for o in found[1:]), default=0.0)
-    return found[0]._replace(lead=lead) if lead >= LEAD else None
+    others = [most[o.servo_id] for o in found[1:] if first[o.servo_id] != whose]
+    lead = found[0].score - max(others, default=0.0)
+    return found[0]._replace(servo_id=whose, lead=lead) if lead >= LEAD else None
+
+
+def _first(case: Case, servo: int, traces: Sequence[TornPlace], grid: int) -> int:
+    """Return whose second answer it is that a servo's own one is put out of its place by.
+
+    A bare answer is whoever's is asked for: one too many stands for the next servo's, whose own
+    one stands for that of the one behind. The servo's own where that is in its place; -1 where
+    all are out of place, as they are where nobody waits for answers.
+    """
+    chain = [servo]
+    while case.has_bare_answers:
+        before = _whose_stands_for(chain[-1], traces, grid)
+        if before == chain[-1]:
+            break
+        if before in chain:
+            return -1
+        chain.append(before)
+    return chain[-1]
+
+
+def _whose_stands_for(servo: int, traces: Sequence[TornPlace], grid: int) -> int:
+    """Return behind whose requests come most steadily what was taken for a servo's answers."""
+    since: dict[int, list[int]] = {}
+    for t in traces:
+        mine = next((k for k, a in enumerate(t.asked_before) if a.servo_id == servo), -1)
+        answer_ns = t.asked_before[mine].answer_ns if mine >= 0 else -1
+        if answer_ns < 0:
+            continue
+        # of requests to one servo the last before it
+        last = {a.servo_id: a.t_ns for a in reversed(t.asked_before[mine + 1 :])}
+        last[servo] = t.asked_before[mine].t_ns
+        for before, t_ns in last.items():
+            since.setdefault(before, []).append(answer_ns - t_ns)
+    varies = {s: _varies(x) for s, x in since.items() if 2 * len(x) > len(since[servo])}
+    best = min(varies, key=lambda s: varies[s], default=servo)
+    is_steadier = best != servo and varies[servo] > STEADIER * varies[best] + max(CLOCK_NS, grid)
+    return best if is_steadier else servo
+
+
+def _varies(since: Sequence[int]) -> float:
+    """Return how much times vary, in ns, but for those that are out of line."""
+    return float(np.subtract(*np.quantile(since, (0.9, 0.1))))
 
 
 def _traces(case: Case) -> Sequence[TornPlace]:
     """Return places whose time is known: torn ones, and second answers."""
     torn = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
-    requests, answers = heard(case)
-    places = [d for d in torn if d.at not in requests and d.at not in answers]
+    no_traces = set().union(*heard(case), ends_of_requests(case))
+    places = [d for d in torn if d.at not in no_traces]
     within, headed = named_within(case), named_by_header(case)
     # what names the servo asked, and stands before its whole answer, is one of two answers of it
     first = {d.at: d.servo_id for d in places if d.is_answered and headed.get(d.at) == d.servo_id}
@@ -238,6 +287,18 @@ def _less_steady(pairs: Sequence[SecondAnswer], grid: int) -> Iterator[TornPlace
             yield TornPlace(s.at, s.length, servo, begins, ends, own, True, 0, s.asked_before)
 
 
+def _within(few: tuple[int, int], most: tuple[int, int]) -> float:
+    """Return how much likelier it is that places lie thickest in a part of a span than evenly.
+
+    A second answer comes as steadily as the first; where a request lies over it, that begins first.
+    """
+    (n, span), (all_of, wide) = few, most
+    if span >= wide:
+        return 0.0
+    rest = all_of - n
+    return n * log(n * wide / (all_of * span)) + rest * log(rest * wide / (all_of * (wide - span)))
+
+
 def _steadiest(servo: int, traces: Sequence[TornPlace], grid: int, *, is_by_end: bool) -> Owner:
     """Return the span of time behind a servo's requests in which places are that chance puts not.
 
@@ -280,14 +341,22 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
     """
     since, which = np.array(sorted(pairs), np.int64).T
     spans = [span + grid for span in SPANS_NS]
-    begins, ends, score = 0, 0, 0.0
+    begins, ends, score, most = 0, 0, 0.0, (0, 0)
+    thick = []  # of each span the most places in it: how many, and how wide it is
     for span in spans:
         last = np.searchsorted(since, since + span, "right")
         first = int(np.argmax(last - np.arange(len(since))))
         n = len(np.unique(which[first : last[first]]))
+        thick.append((n, span))
         told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
         if told > score:
-            begins, ends, score = int(since[first]), int(since[last[first] - 1]), told
+            begins, ends, score, most = (
+                int(since[first]),
+                int(since[last[first] - 1]),
+                told,
+                (n, span),
+            )
+    score += max((_within(few, most) for few in thick if 0 < few[0] < most[0]), default=0.0)
     last = np.searchsorted(since, since + spans[-1], "right")
     around = np.flatnonzero((since <= begins) & (since + spans[-1] >= ends))
     if not len(around):

@@ -16,10 +16,12 @@ from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.followed import CHANCE, USUAL, followed
+from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.heard import heard
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
+from sniffer.diagnosis.neighbours import spoken_over
 from sniffer.diagnosis.owners import JITTER_NS, owner
 from sniffer.diagnosis.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.stamps import grid_ns
@@ -73,8 +75,9 @@ class Twin:
     stray bytes behind its exchanges and nobody else's; ``foreign``: torn bytes that begin like its
     answers where the next servo's is due; ``crossed``: torn requests behind its exchanges and
     hardly any others; ``behind``: whatever else comes a steady time behind its requests; ``mixed``:
-    torn answers that are two of its own, with how; ``before``: servos before whose answers its
-    second ones come, so that theirs look like second ones.
+    torn answers that are two of its own, with how, or one of its and one of the servo ``over``
+    whose answers it lies; ``before``: servos before whose answers its second ones come, so that
+    theirs look like second ones.
     """
 
     servo_id: int
@@ -87,6 +90,7 @@ class Twin:
     behind: list[TornPlace] = field(default_factory=list)
     mixed: list[tuple[Damage, Mix]] = field(default_factory=list)
     tried: int = 0
+    over: int = -1
     before: set[int] = field(default_factory=set)
 
     @property
@@ -119,7 +123,9 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         if earlier is not None and d.at not in belated and _is_foreign(d, begins, requests):
             earlier.foreign.append(d)
     late = _late_twins(case)
+    requests_into = ends_of_requests(case)
     strays = [d for d in case.damages if d.turn == AT_TURN or _is_left_behind(case, d)]
+    strays = [d for d in strays if d.at not in requests_into]
     # a request some bits of which are wrong was hit by a pulse, not by an answer; one that is
     # answered was heard whole
     requests_torn = [d for d in case.damages if d.turn == IN_REQUEST]
@@ -144,7 +150,8 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         whole = int(case.alarms["n"][rows].sum())
         # what stands right behind a torn request is the answer to it
         asked = np.isin(events.at, list(ends))
-        events, whole = events.take(~asked), whole - int(asked.sum())
+        asked |= np.isin(events.at + events.length, list(requests_into))
+        events, whole = events.take(~asked), 0 if asked.all() else whole - int(asked.sum())
         other = late.get(servo)
         if other is None:
             twin.whole, twin.times = whole, events.t_ns.tolist()
@@ -158,7 +165,12 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         twin = found.setdefault(servo, Twin(servo))
         tried = [(d, b) for d in answers if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
         twin.tried = len(tried)
-        twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
+        twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b, b)) is not None]
+        before, mixed = spoken_over(tried, {d.at for d, _ in twin.mixed}, begins)
+        if before in found:
+            twin.mixed, twin.tried = [], 0
+            found[before].mixed, found[before].tried = mixed, len(tried)
+            found[before].over = servo
     steady = owner(case) if everything is None else None
     if steady is not None and (steady.is_proof or any(_is_twin(case, t) for t in found.values())):
         _hand_over(case, found, steady)
@@ -285,9 +297,12 @@ def torn_by_twins(case: Case) -> Set[int]:
 
 def _torn_by_twins(case: Case) -> Set[int]:
     found = twins(case).values()
-    return {t.at for twin in found for t in twin.behind} | {
-        d.at for twin in found for d in twin.foreign
+    over = {(twin.over, twin.servo_id) for twin in found}
+    lain_over = {
+        d.at for d in case.damages if d.turn == IN_REPLY and (d.servo_id, d.earlier_id) in over
     }
+    behind = {t.at for twin in found for t in twin.behind}
+    return lain_over | behind | {d.at for twin in found for d in twin.foreign}
 
 
 def _is_left_behind(case: Case, d: Damage) -> bool:

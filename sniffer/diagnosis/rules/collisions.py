@@ -49,8 +49,8 @@ FINDINGS: Final = (
     FindingCode(
         "answers-mixed",
         "pairing",
-        "Torn answers of a servo are two of its answers at once, some bits apart.",
-        "The bytes with which its answers always begin, laid over themselves some bits later (AND, OR), are what a UART made of at least three torn answers, and of a quarter of them.",
+        "Torn answers of a servo are two of its answers at once, some bits apart, or lie over those of the servo asked next.",
+        "The bytes with which its answers always begin, laid over themselves some bits later (AND, OR), are what a UART made of at least three torn answers, and of a quarter of them. Those of the servo asked before are told where its beginning laid over theirs makes more of them: of places that only one of the two makes, half would be either's.",
     ),
     FindingCode(
         "stop-bits-held-low",
@@ -172,20 +172,24 @@ def answers_mixed(case: Case) -> Iterator[Finding]:
             continue
         shifts = sorted(mix.shift for _, mix in twin.mixed)
         how = Counter(mix.how for _, mix in twin.mixed).most_common(1)[0][0]
+        whose = servo if twin.over < 0 else twin.over
+        two = "two of its answers" if twin.over < 0 else f"one of it and one of servo {servo}"
         yield Finding(
             "answers-mixed",
             servo,
             twin.mixed[0][0].t_ns,
             twin.mixed[-1][0].t_ns,
             len(twin.mixed),
-            f"{len(twin.mixed)} of {twin.tried} torn answers of servo {servo} are two of its answers "
-            f"at once ({how}), {shifts[0]:.1f} to {shifts[-1]:.1f} bits apart",
+            f"{len(twin.mixed)} of {twin.tried} torn answers of servo {whose} are {two} at once "
+            f"({how}), {shifts[0]:.1f} to {shifts[-1]:.1f} bits apart",
             tuple(
                 Place(d.at, d.length, d.t_ns, f"two answers {mix.shift:.1f} bits apart ({mix.how})")
                 for d, mix in twin.mixed[:3]
             ),
             strength=min(0.5 + len(twin.mixed) / 12, 1.0),
-            brief=f"answers of servo {servo} lie over each other",
+            brief=f"answers of servo {servo} lie over "
+            + ("each other" if twin.over < 0 else f"those of servo {whose}"),
+            befell=() if twin.over < 0 else (whose,),
         )
 
 

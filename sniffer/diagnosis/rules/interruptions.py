@@ -11,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of, is_altered
 from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.order import Order
@@ -50,7 +51,7 @@ FINDINGS: Final = (
         "Behind a torn answer the request that always follows is missing: it was said into the answer.",
         "The kinds of requests in the order in which this controller makes them: where an answer is "
         "torn that lacks no bytes, or bytes stand behind one that end as the missing one does, one is "
-        "left out. Where stamps do not tell what is torn in one go: five times at least, behind four in "
+        "left out, or said again only later. Where stamps do not tell what is torn in one go: five times at least, behind four in "
         "five torn answers that say whose they are.",
     ),
     FindingCode(
@@ -209,7 +210,7 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
         return
     order, kinds = case.once(Order), case.ledger.exchanges.kinds
     stretches = case.ledger.exchanges.moments.stretches()
-    is_timed = case.has_prompt_stamps
+    is_timed, said_into = case.has_prompt_stamps, ends_of_requests(case)
     judged, shown = 0, []
     for d in case.damages:
         follows = d.behind == RESPONSE and 0 <= d.since_ns <= case.ledger.byte_ns
@@ -222,7 +223,9 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
             continue
         due = [kinds.example[k] for k in order.usual[pair[0]] if k >= 0]
         left = [one for one in due if d.length < len(one) and d.got[-1:] == one[-1:]]
-        if left and d.behind == RESPONSE and order.skips_one(*pair):
+        # who waits for its answer in vain says it again
+        is_missing = d.at in said_into or order.skips_one(*pair)
+        if left and d.behind == RESPONSE and is_missing:
             shown.append(d)
     if len(shown) < (ENOUGH if is_timed else UNTIMED) or len(shown) < SHARE * judged:
         return
@@ -230,8 +233,8 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
         shown,
         "request-swallowed",
         None,
-        f"{len(shown)} of {judged} times bytes stand behind an answer, the request is missing that comes "
-        "next in this controller's order, and its last byte ends them",
+        f"{len(shown)} of {judged} times bytes stand behind an answer, they end as the request that "
+        "comes next in this controller's order, and that one is not there",
         "what is left of a request",
         # what the tap lost may leave such pieces as well, among others
         strength=min(0.5 + len(shown) / 10, 1.0) * (1.0 if is_timed else EITHER),

@@ -31,6 +31,13 @@ FINDINGS: Final = (
         is_manner=True,
     ),
     FindingCode(
+        "damage-whatever-moves",
+        "line",
+        "Damage comes as often while motors hardly work as while they work hard.",
+        "As above, twenty places or more, and less than one standard deviation over chance, where the motors work now more and now less: how hard (by load or current, where they are told) varies by a seventh of the most at least.",
+        is_manner=True,
+    ),
+    FindingCode(
         "damage-behind-steps",
         "line",
         "Damage begins when goals jump: it stands behind the steps, and not before them.",
@@ -59,6 +66,18 @@ SURELY: Final = 1e-4
 """How likely chance is to bring so much where it counts in full: with a quantity or two to look at, and
 dozens of captures with noise, two or three standard deviations are met now and then."""
 
+UNMOVED: Final = 1.0
+DOUBTFUL: Final = 1.5
+"""Below the one, damage does not go with the motors; it counts in full at none at all, and would not
+at all at the other. Of 12 captures with interference none is below 1.6, of 24 with noise 17 are below
+one, and the most is 2."""
+
+VARIED: Final = 0.15
+"""By how much of the most the work must vary to tell: what works evenly disturbs evenly."""
+
+BY_MOTION: Final = 0.7
+"""How much it counts where motion alone is told: what a motor takes to hold its place is not known."""
+
 KNOWN: Final = 0.5
 """Part of the buckets in which a quantity must be stated to tell."""
 
@@ -78,12 +97,13 @@ PLENTY: Final = 20
 CHANCE: Final = 0.02
 """How many times as much is damaged behind them as before, how much at the least, and how likely chance is to have it so by step."""
 
-EFFORTS: Final = ("current", "load", "speed")
+PULLS: Final = ("current", "load")
+EFFORTS: Final = (*PULLS, "speed")
 WAYS: Final = ("position", "goal_position")
 """What tells how hard motors work: by its amount, or by how far it goes."""
 
 
-def damage_while_moving(case: Case) -> Iterator[Finding]:
+def damage_and_motors(case: Case) -> Iterator[Finding]:
     """Compare the damage while motors work with that while they rest."""
     d = case.damage
     # what tears the answers of one servo alone chooses it, and goes with how often it is asked
@@ -102,29 +122,36 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
     within = (line["bucket"] >= first) & (line["bucket"] < first + count)
     np.add.at(said, line["bucket"][within] - first, line["bytes"][within])
     levels = {q: _level(case, q, first, count) for q in (*EFFORTS, *WAYS)}
-    known = {q: level for q, level in levels.items() if level is not None}
-    if not known:
+    shares = {q: level for q, level in levels.items() if level is not None and level.std() > 0}
+    if not shares:
         return
+    known = {q: (level - level.mean()) / level.std() for q, level in shares.items()}
     ways = [(np.mean(list(known.values()), axis=0), "how hard the motors work")]
     if "goal_position" in known:
         ways.append((known["goal_position"], "how far goals jump"))
     told = [(_beyond(level, hits, said), level, what) for level, what in ways]
     (correlated, counted, shifted), level, what = max(told, key=lambda one: one[0])
-    if correlated < CORRELATED or counted < COUNTED or shifted < SHIFTED:
+    is_moved = correlated >= CORRELATED and counted >= COUNTED and shifted >= SHIFTED
+    # a motor that holds works as well: where that is measured, motion alone does not tell
+    pulls = [q for q in PULLS if levels[q] is not None]
+    work = pulls or list(shares)
+    varied = max((float(shares[q].std()) for q in work if q in shares), default=0.0)
+    is_unmoved = correlated < UNMOVED and n.sum() >= PLENTY and varied >= VARIED
+    if not is_moved and not is_unmoved:
         return
     hard = level > np.quantile(level, 0.75)
     rest = level < np.median(level)
     yield Finding(
-        "damage-while-moving",
+        "damage-while-moving" if is_moved else "damage-whatever-moves",
         None,
         int(d["t_first"][mine].min()),
         int(d["t_last"][mine].max()),
         int(n.sum()),
-        f"damage goes with {what} ({correlated:.1f} standard deviations over chance): "
-        f"{_per_kb(hits[hard], said[hard]):.2f} places in 1000 bytes in the hardest quarter of the "
-        f"time, {_per_kb(hits[rest], said[rest]):.2f} in the quieter half",
+        f"damage {'goes' if is_moved else 'does not go'} with {what} ({correlated:.1f} standard "
+        f"deviations over chance): {_per_kb(hits[hard], said[hard]):.2f} places in 1000 bytes in the "
+        f"hardest quarter of the time, {_per_kb(hits[rest], said[rest]):.2f} in the quieter half",
         tuple(
-            Place(at, length, t, "damaged while motors work")
+            Place(at, length, t, f"damaged {'while motors work' if is_moved else 'whatever moves'}")
             for at, length, t in zip(
                 d["at"][mine[:3]].tolist(),
                 d["length"][mine[:3]].tolist(),
@@ -132,8 +159,10 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
                 strict=True,
             )
         ),
-        strength=strength_of(correlated, len(ways)),
-        brief="damage comes while motors work",
+        strength=strength_of(correlated, len(ways))
+        if is_moved
+        else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0) * (1.0 if pulls else BY_MOTION),
+        brief="damage comes while motors work" if is_moved else "damage comes whatever moves",
     )
 
 
@@ -212,7 +241,7 @@ def strength_of(deviations: float, ways: int) -> float:
 
 
 def _level(case: Case, quantity: str, first: int, count: int) -> F64 | None:
-    """Return how hard all motors work by a quantity, bucket by bucket; None where nothing tells."""
+    """Return how hard all motors work by a quantity, by bucket, 1 at most; None: nothing tells."""
     total, stated = np.zeros(count), np.zeros(count)
     for servo in case.measured_by(quantity):
         series = case.series(servo, quantity)
@@ -229,8 +258,8 @@ def _level(case: Case, quantity: str, first: int, count: int) -> F64 | None:
     level[~known] = np.median(level[known])
     if quantity == "goal_position":  # the motor works behind the step
         level = np.maximum(level, np.concatenate([[0.0], level[:-1]]))
-    level = np.minimum(level, np.quantile(level, CLIPPED))
-    return (level - level.mean()) / level.std() if level.std() > 0 else None
+    most = float(np.quantile(level, CLIPPED))
+    return np.minimum(level, most) / most if most > 0 else None
 
 
 def _way(series: Series) -> F64:
@@ -244,5 +273,5 @@ def _per_kb(hits: F64, said: F64) -> float:
     return 1000 * float(hits.sum()) / max(float(said.sum()), 1.0)
 
 
-RULES: Final[tuple[Rule, ...]] = (damage_while_moving, damage_behind_steps)
+RULES: Final[tuple[Rule, ...]] = (damage_and_motors, damage_behind_steps)
 """The rules of this area."""

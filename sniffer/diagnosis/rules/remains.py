@@ -17,7 +17,7 @@ from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.losses import only_at_the_turn
 from sniffer.diagnosis.signs import BARE
-from sniffer.diagnosis.twins import torn_answers
+from sniffer.diagnosis.twins import of_twins, torn_answers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence, Set
@@ -99,7 +99,8 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     # ones it is not known whose they are
     hit = {} if case.protocol.ordered else torn_answers(case)
     torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
-    torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit][:KEPT]
+    torn = [d for d in torn if d.turn not in (IN_REPLY, REST) or d.servo_id not in hit]
+    torn = [d for d in torn if not (hit and of_twins(case, d))][:KEPT]
     if len(torn) < LEAST or not requests:
         return
     if case.protocol.checksum_of(requests[0]) is None:

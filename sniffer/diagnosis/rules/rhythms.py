@@ -8,7 +8,9 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.line import singled_out
 from sniffer.diagnosis.rules.streams import LEAST
 from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.diagnosis.twins import of_twins
@@ -119,6 +121,9 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     chance, where, judged, sound, n, pair = best
     if 2 * sum(of_twins(case, torn[k]) for k in where) > len(where):
         return  # what two answers of one id tear stands where that id is asked
+    alone = singled_out(case)
+    if 2 * sum(torn[k].turn == IN_REPLY and torn[k].servo_id in alone for k in where) > len(where):
+        return  # so does what one servo's own fault tears
     yield finding_of(
         [torn[k] for k in where],
         "rhythms-meet",

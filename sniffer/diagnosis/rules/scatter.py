@@ -36,7 +36,7 @@ FINDINGS: Final = (
         "a second, 20 ms of doubt), and one in four of these where no goal lies; three times as often as "
         "with others, twice as often as requests are torn or second answers come, and as stray bytes with "
         "exchanges of others. Of those that are kept fewer than three in four differ in one bit, and fewer "
-        "are the other's last bits read early, or late.",
+        "are the other's last bits read early, or late; the more do, the less it counts.",
     ),
 )
 
@@ -55,6 +55,10 @@ AHEAD: Final = 3.0
 PLAIN: Final = 0.75
 """Part of them that one misread bit, or a clock that is off, explains: of two answers at once some
 look so, too."""
+
+BY_TWO: Final = 0.5
+"""Part that two answers at once mostly leave at most (of eight captures with two that speak at once six
+are below it): it counts in full, and the less the more is explained."""
 
 WITHIN_NS: Final = NS
 """A joint may be on its way to a goal that was stated so long before."""
@@ -104,8 +108,9 @@ def scatter(case: Case) -> Iterator[Finding]:
         told = sum(_was_told(case, servo, r) for r in returned.kept)
         if told > TOLD * len(returned.kept):
             continue
-        if max(_share(returned.kept, is_so) for is_so in _readings(returned.kept)) < PLAIN:
-            yield _told(servo, returned)
+        plain = max(_share(returned.kept, is_so) for is_so in _readings(returned.kept))
+        if plain < PLAIN:
+            yield _told(servo, returned, min((PLAIN - plain) / (PLAIN - BY_TWO), 1.0))
 
 
 def _most(case: Case, servo: int) -> Returned:
@@ -156,7 +161,7 @@ def _was_told(case: Case, servo: int, r: Return) -> bool:
     return bool(high >= nearly if r.value > r.was else low <= nearly)
 
 
-def _told(servo: int, r: Returned) -> Finding:
+def _told(servo: int, r: Returned, unexplained: float) -> Finding:
     return Finding(
         "places-scatter",
         servo,
@@ -166,7 +171,7 @@ def _told(servo: int, r: Returned) -> Finding:
         f"{r.n} of {r.of} positions of servo {servo} are far from the one before and from the one behind: "
         "no joint moves so",
         tuple(Place(one.at, len(one.there), one.t_ns, _in_words(one)) for one in r.kept[:3]),
-        strength=min(0.5 + r.n / 40, 1.0),
+        strength=min(0.5 + r.n / 40, 1.0) * unexplained,
         brief=f"the position of servo {servo} is here and there by turns",
     )
 

@@ -9,7 +9,6 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.crossings import KINDS
-from sniffer.diagnosis.stamps import EXACT_NS
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ FINDINGS: Final = (
         "streams-apart",
         "line",
         "Requests come in two rhythms that know nothing of each other.",
-        "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together. It counts little where less is torn than by two who do not listen.",
+        "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together; stamps are late by three tenths of the rhythm at most. It counts little where less is torn than by two who do not listen.",
     ),
 )
 
@@ -44,6 +43,9 @@ APART: Final = 0.36
 OFTENER: Final = 2.5
 """What comes so many times as often as the rhythm has wandered too far when that comes again."""
 
+BLUR: Final = 0.3
+"""Part of a period by which stamps may be late: of what comes twice in it they leave half together."""
+
 PART: Final = 400
 PARTS: Final = 4
 """Requests that are looked at together at least, and parts of a stretch: one may join later."""
@@ -62,7 +64,7 @@ itself."""
 
 def streams_apart(case: Case) -> Iterator[Finding]:
     """Find two kinds of requests whose rhythms do not go together."""
-    best = least_together(case) if case.has_clock and case.latency_ns <= EXACT_NS else None
+    best = least_together(case) if case.has_clock else None
     if best is None:
         return
     together, one, other, period, first, last = best
@@ -99,11 +101,11 @@ def least_together(case: Case) -> tuple[float, int, int, float, int, int] | None
         parts = max(min(len(t) // PART, PARTS), 1)
         for part in range(parts):
             rows = slice(len(t) * part // parts, len(t) * (part + 1) // parts)
-            found.append(_apart(t[rows], kind[rows]))
+            found.append(_apart(t[rows], kind[rows], case.latency_ns))
     return min((one for one in found if one is not None), default=None)
 
 
-def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
+def _apart(t: I64, kind: I64, latency_ns: int) -> tuple[float, int, int, float, int, int] | None:
     """Return the two kinds that go together least, if they do not, with the rhythm of one."""
     count = np.bincount(kind[kind >= 0])  # what came when there were too many kinds has none
     often = [k for k in np.argsort(-count, kind="stable")[:KINDS].tolist() if count[k] >= LEAST]
@@ -112,7 +114,7 @@ def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
     for one in often:
         between = np.diff(times[one])
         period = float(np.median(between))
-        if period <= 0 or (np.abs(between / period - 1) < STEADY).mean() < REGULAR:
+        if latency_ns > BLUR * period or (np.abs(between / period - 1) < STEADY).mean() < REGULAR:
             continue
         for other in often:
             # of what comes oftener than the rhythm nobody knows how far it has wandered meanwhile

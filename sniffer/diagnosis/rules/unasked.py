@@ -15,7 +15,7 @@ from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.signs import SIGN, beginnings, loses_most, sign_of, signed
-from sniffer.diagnosis.twins import torn_by_twins, twins
+from sniffer.diagnosis.twins import torn_answers, torn_by_twins, twins
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import NS
 
@@ -44,7 +44,7 @@ FINDINGS: Final = (
         "unasked-now-and-then",
         "device",
         "What a servo says unasked stands behind few of its exchanges.",
-        "From the first such answer to the last one, behind fewer than a third of its sound exchanges, with what is torn behind them: a second servo of the same id would answer each.",
+        "From the first such answer to the last one, behind fewer than a third of its sound exchanges, with what is torn behind them, and of its own answers where hardly others' are: a second servo of the same id would answer each.",
     ),
     FindingCode(
         "speaks-unasked",
@@ -182,26 +182,30 @@ def chatty(case: Case) -> Iterator[Finding]:
             yield from _apart(case, servo, words, since, until)
         answers = case.answers
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
-        ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
+        mine = within & (answers["servo_id"] == servo)
+        # what is torn of its answers, and hardly of others', a second one may lie over
+        lain_over = int(answers["damaged"][mine].sum()) if servo in torn_answers(case) else 0
+        exchanges = int(answers["ok"][mine].sum()) + lain_over
         twin = twins(case).get(servo)
         # of two answers one may tear the other, or come when another one is being asked
         late = set()
         if twin is not None:
             places = (twin.torn, twin.stray, twin.foreign, twin.crossed)
             late = {d.at for some in places for d in some} | {t.at for t in twin.behind}
-        more = n + sum(
+        more = n + lain_over
+        more += sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
             for d in case.damages
         )
-        if more < SELDOM * ok:
+        if more < SELDOM * exchanges:
             yield Finding(
                 "unasked-now-and-then",
                 servo,
                 since,
                 until,
                 n,
-                f"servo {servo} said something more behind {more} of {ok} exchanges at most",
-                strength=min(1.0, (SELDOM * ok - more) / more),
+                f"servo {servo} said something more behind {more} of {exchanges} exchanges at most",
+                strength=min(1.0, (SELDOM * exchanges - more) / more),
             )
 
 

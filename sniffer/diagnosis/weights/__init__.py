@@ -9,12 +9,12 @@ from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.weights import controller, device, line, proven, tap, wire
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.weights.table import Weight
 
 
-LINES: Final = (
+_AREAS: Final = (
     *tap.WEIGHTS,
     *line.WEIGHTS,
     *wire.WEIGHTS,
@@ -23,6 +23,20 @@ LINES: Final = (
     *proven.WEIGHTS,
 )
 """All lines of all areas; none stands in two."""
+
+NOISE, INTERFERENCE = "bus-noise", "emi-load"
+
+
+def _as_of_noise(lines: Sequence[Weight]) -> Iterator[Weight]:
+    """Yield what tells noise from others for interference, too: they differ in when they come."""
+    own = {w.finding for w in lines if w.cause == INTERFERENCE}
+    for w in lines:
+        if w.cause == NOISE and w.finding not in own:
+            yield w._replace(cause=INTERFERENCE)
+
+
+LINES: Final = (*_AREAS, *_as_of_noise(_AREAS))
+"""The same, and what interference has as noise has it."""
 
 
 def _by_cause() -> Mapping[str, Mapping[str, Weight]]:

@@ -31,7 +31,7 @@ WEIGHTS: Final = (
     ),
     *(
         weight
-        for cause in ("bus-noise", "bad-cable", "emi-load", "signal-integrity", "clock-drift")
+        for cause in ("bus-noise", "bad-cable", "signal-integrity", "clock-drift")
         for weight in for_(cause, _MIXED)
     ),
     *(
@@ -55,7 +55,6 @@ WEIGHTS: Final = (
             "signal-integrity",
             "bad-cable",
             "turnaround",
-            "emi-load",
             "clock-drift",
             "servo-reset-loop",
         )

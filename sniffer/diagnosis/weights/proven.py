@@ -57,7 +57,7 @@ _BEFORE: Final = ("line-error", "line-break", "bytes-lost")
 _KNOWN: Final = frozenset(w.finding for w in _WEIGHED if w.cause == MALFORMED)
 
 _SUSPECTS: Final = (
-    *("wrong-baud", "bus-noise", "emi-load", "signal-integrity", "turnaround", "line-stuck"),
+    *("wrong-baud", "bus-noise", "signal-integrity", "turnaround", "line-stuck"),
     *("mixed-protocols", "bad-cable", "clock-drift", "duplicate-id", "chatty-device"),
     *("two-masters", "impatient-controller", "retry-storm", "servo-refuses"),
     *("tap-loss", "tap-one-way", "echo"),

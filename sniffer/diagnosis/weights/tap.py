@@ -22,7 +22,7 @@ _LOST_HERE: Final = (
 WEIGHTS: Final = (
     *(
         weight
-        for cause in ("bus-noise", "signal-integrity", "bad-cable", "emi-load", "servo-reset-loop")
+        for cause in ("bus-noise", "signal-integrity", "bad-cable", "servo-reset-loop")
         for weight in for_(cause, *_LOST_HERE)
     ),
     *for_("two-masters", ("order-lacks-bytes", 0.1, "what two say at once is shorter than both")),

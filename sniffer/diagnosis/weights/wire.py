@@ -7,7 +7,7 @@ from typing import Final
 from sniffer.diagnosis.weights.table import Weight, for_
 
 _ALONE: Final = (
-    *("bus-noise", "emi-load", "signal-integrity", "bad-cable", "tap-loss", "turnaround"),
+    *("bus-noise", "signal-integrity", "bad-cable", "tap-loss", "turnaround"),
     *("duplicate-id", "clock-drift", "impatient-controller", "line-stuck", "chatty-device"),
 )
 """Causes that have one controller, which does not speak into its own requests."""
@@ -31,7 +31,6 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *(
         weight
         for cause in (
-            "emi-load",
             "signal-integrity",
             "line-stuck",
             "turnaround",
@@ -96,7 +95,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     ),
     *(
         weight
-        for cause in ("bus-noise", "signal-integrity", "emi-load", "line-stuck")
+        for cause in ("bus-noise", "signal-integrity", "line-stuck")
         for weight in for_(cause, ("nothing-holds", -5.0, "noise lets a frame by now and then"))
     ),
     *for_(
