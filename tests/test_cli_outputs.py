@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import Chunk, Clock
 from sniffer.mcapfile.recover import recover
-from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks
 from sniffer.sinks import SINKS
 from tests.commands import COMMAND, Ran, sniffer, talk, within
-from tests.disks import disk
 from tests.recordings import keep
 from tests.recordings import talk as simulated
 
@@ -343,90 +340,3 @@ def test_what_nobody_has_foreseen_is_one_line_and_what_was_decoded_is_kept(
         )  # fmt: skip
         assert "Traceback" in shown.stderr
         assert shown.returncode == 3
-
-
-@pytest.mark.parametrize("content", [b"", bytes(range(7, 200)) * 40], ids=["nothing", "noise"])
-@pytest.mark.parametrize("suffix", [".mcap", ".csv", ".jsonl"])
-def test_an_input_of_which_nothing_is_decoded_replaces_no_file(
-    suffix: str, content: bytes, tmp_path: Path, capsys: Capsys
-) -> None:
-    source, kept = tmp_path / "a.bin", tmp_path / f"x{suffix}"
-    source.write_bytes(content)
-    kept.write_bytes(DEAR)
-    for command in (("convert", source, kept), ("decode", source, "-o", kept)):
-        assert within(capsys, *command, "--force").status == 2
-        assert kept.read_bytes() == DEAR
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "convert good x.csv --from 100 --to 200",
-        "decode good -o x.jsonl --from 100 --to 200",
-        "view good -o x.rrd --from 100 --to 200",
-        "replay noise -o x.mcap --speed 0",
-        "diff noise good -o x.rrd",
-        "diff good good -o x.rrd --where value>1e9",
-        "cut good x.mcap --from 100 --to 200",
-    ],
-)
-def test_what_comes_to_nothing_replaces_no_file(
-    command: str, good: Path, tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    noise = tmp_path / "noise"
-    noise.write_bytes(bytes(range(7, 200)) * 40)
-    words = [{"good": str(good)}.get(word, word) for word in command.split()]
-    (kept,) = (tmp_path / word for word in words if word.startswith("x."))
-    kept.write_bytes(DEAR)
-    assert within(capsys, *words, "--force").status == 2
-    assert kept.read_bytes() == DEAR
-    assert sorted(tmp_path.iterdir()) == sorted([good, kept, noise])
-
-
-@posix
-def test_an_output_that_finds_no_room_gives_back_what_stood_there(
-    tmp_path: Path, capsys: Capsys
-) -> None:
-    source = tmp_path / "long.bin"
-    source.write_bytes(talk(3000))
-    with disk(tmp_path / "small", "100k") as folder:
-        kept = folder / "x.jsonl"
-        kept.write_bytes(DEAR)
-        ran = within(capsys, "convert", source, kept, "--force")
-        assert ran.status == 2
-        assert f"{kept}: cannot be written (No space left on device)" in ran.complaint
-        assert kept.read_bytes() == DEAR
-        assert [*folder.iterdir()] == [kept]
-
-
-@posix
-def test_a_file_is_replaced_as_it_was_where_a_link_led_to_it(
-    good: Path, tmp_path: Path, capsys: Capsys
-) -> None:
-    kept, link = tmp_path / "kept.jsonl", tmp_path / "x.jsonl"
-    kept.write_bytes(DEAR)
-    kept.chmod(0o640)
-    link.symlink_to(kept)
-    assert within(capsys, "decode", good, "--quiet", "-o", link, "--force").status == 0
-    assert link.is_symlink()
-    assert kept.read_bytes().startswith(b'{"type":')
-    assert kept.stat().st_mode & 0o777 == 0o640
-    assert sorted(tmp_path.iterdir()) == sorted([good, kept, link])
-
-
-def test_what_is_decoded_of_one_bus_is_written_also_where_another_is_none(
-    tmp_path: Path, capsys: Capsys
-) -> None:
-    arm = simulated("mightyzap", 0.2, bus="arm")
-    noise = Chunk(bytes(range(7, 200)), (arm[-1].t_ns or 0) + 1, Clock.READ, "leg")
-    source, out = tmp_path / "two.mcap", tmp_path / "x.jsonl"
-    sink = McapSink(source, {"tool": "test"})
-    sink.raw("arm", arm)
-    sink.raw("leg", [noise])
-    sink.close()
-    out.write_bytes(DEAR)
-    ran = within(capsys, "convert", source, out, "--force")
-    assert ran.status == 2
-    assert "on leg" in ran.complaint
-    assert out.read_bytes().startswith(b'{"type":"frame","bus":"arm"')

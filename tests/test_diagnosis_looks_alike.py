@@ -12,7 +12,7 @@ from sniffer.diagnosis.clocks import clock_of
 from sniffer.diagnosis.uart import heard as as_heard
 from sniffer.diagnosis.uart import sent
 from sniffer.ground.model import Clock, Direction
-from tests.conversations import Conversation, robot, swinging, through_usb
+from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 from tests.servos import BEGAN_NS, heard, suffering
 from tests.streams import mightyzap, rs30x
@@ -24,41 +24,6 @@ STATE, LOAD_AT = 0x8C, 4
 
 
 # ------------------------------------------------------------------------------ sound conversations
-
-
-@pytest.mark.parametrize("protocol", ["mightyzap", "wck"])
-def test_one_program_with_two_timers_is_no_second_controller(protocol: str) -> None:
-    talk = by_timers(protocol, {1: 0.02, 2: 0.0473})
-    assert "streams-apart" in codes(talk.diagnosed())
-    assert not talk.diagnosed().incidents()
-
-
-def by_timers(protocol: str, seconds_of: dict[int, float]) -> Conversation:
-    """One program asks each servo by a timer of its own."""
-    talk = Conversation(protocol)
-    due = dict.fromkeys(seconds_of, 0.0)
-    while talk.now_s < 12:
-        servo = min(due, key=lambda s: due[s])
-        talk.until(due[servo])
-        talk.read(servo, swinging(servo, talk.now_s))
-        due[servo] += seconds_of[servo]
-    return talk
-
-
-@pytest.mark.parametrize("protocol", ["mightyzap", "wck"])
-def test_two_rhythms_are_seen_through_a_host_that_holds_bytes_for_a_part_of_them(
-    protocol: str,
-) -> None:
-    for seconds_of, are_apart in (
-        ({1: 0.08, 2: 0.113}, True),
-        ({1: 0.08, 2: 0.16}, False),
-        ({1: 0.08, 2: 0.04}, False),
-        ({1: 0.03, 2: 0.0473}, False),  # too short for a host of 16 ms
-    ):
-        talk = by_timers(protocol, seconds_of)
-        told = talk.diagnosed(through_usb(talk.chunks))
-        assert ("streams-apart" in codes(told)) == are_apart
-        assert not told.incidents()
 
 
 def test_looking_for_servos_under_all_ids_again_and_again_is_no_fault() -> None:

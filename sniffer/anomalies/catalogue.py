@@ -391,13 +391,6 @@ def markdown() -> str:
         lines += [f"## {group}", ""]
         for c in CATALOGUE.values():
             if c.group == group:
-                lines += [
-                    f"### `{c.code}` ({c.severity.name.lower()})",
-                    "",
-                    c.means,
-                    "",
-                    f"- Usual causes: {c.causes}",
-                    f"- Try: {c.remedy}",
-                    "",
-                ]
+                lines += [f"### `{c.code}` ({c.severity.name.lower()})", "", c.means, ""]
+                lines += [f"- Usual causes: {c.causes}", f"- Try: {c.remedy}", ""]
     return "\n".join(lines).rstrip() + "\n"

@@ -161,16 +161,6 @@ class UndecidedError(InputError):
         """Return the same of one bus of several."""
         return self._with(bus=f" on {bus}")
 
-    def among(self, likely_of: Mapping[str, str], *, others: bool) -> UndecidedError:
-        """Return the same where these are all the buses of which it cannot be told."""
-        return UndecidedError(
-            self.args[0],
-            likely=self.likely,
-            likely_of=likely_of,
-            is_tie=self.is_tie,
-            others=others,
-        )
-
     def telling(self, told: str) -> UndecidedError:
         """Return the same in other words."""
         return UndecidedError(
@@ -185,6 +175,22 @@ class UndecidedError(InputError):
         told = self.args[0]
         told = told.told_of(**words) if isinstance(told, Sentence) else told
         return self.telling(told)
+
+
+def told_of(undecided: Mapping[str, UndecidedError], *, others: bool) -> UndecidedError:
+    """Return what is told of all buses whose protocol cannot be told: that of the first of them.
+
+    ``others``: there are buses that were decoded.
+    """
+    bus, first = next(iter(undecided.items()))
+    named = first.on(bus) if others or len(undecided) > 1 else first
+    return UndecidedError(
+        named.args[0],
+        likely=named.likely,
+        likely_of={each: e.likely for each, e in undecided.items()},
+        is_tie=named.is_tie,
+        others=others,
+    )
 
 
 def _hint(head: bytes) -> tuple[str, str]:

@@ -16,6 +16,7 @@ from sniffer.decoding.detect import (
     UndecidedError,
     detect,
     latest,
+    told_of,
 )
 from sniffer.decoding.first import FirstBytes
 from sniffer.decoding.mixed import decoder_of, leading, parts_of
@@ -251,11 +252,7 @@ class Pipeline:
             if bus in self.summary.buses and bus not in self._torn:
                 self.summary.know(bus, decoder.models())
         if undecided:
-            bus, first = next(iter(undecided.items()))
-            is_one = len(undecided) + len(self._decoders) == 1
-            named = first if is_one else first.on(bus)
-            likely_of = {each: e.likely for each, e in undecided.items()}
-            raise named.among(likely_of, others=bool(self._decoders))
+            raise told_of(undecided, others=bool(self._decoders))
 
     def mistaken(self) -> list[Mistake]:
         """Return the buses whose named protocol explains little, though another one does."""

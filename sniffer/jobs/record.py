@@ -288,14 +288,7 @@ def run_recording(
             reactions.close()
     if failure is not None and not isinstance(failure, DamagedInputError):
         raise failure
-    result(
-        recorder,
-        ended,
-        None if file is None else file.files,
-        tapping.anchor,
-        tell,
-        keeps_all=not isinstance(file, FlightRecorder),
-    )
+    result(recorder, ended, file, tapping.anchor, tell)
     for line in () if file is None else file.remarks:
         tell.talk(line)
     if screen is not None and screen.dropped:

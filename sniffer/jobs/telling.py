@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.detect import Detection
     from sniffer.decoding.rates import RateSearch
+    from sniffer.jobs.files import RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
     from sniffer.viewers.screen import Screen
@@ -100,16 +101,12 @@ class Teller:
 def result(
     recorder: Recorder,
     ended: str,
-    files: Sequence[Path] | None,
+    file: RecordingFiles | None,
     anchor: Anchor,
     tell: Teller,
-    *,
-    keeps_all: bool,
 ) -> None:
-    """Say what there is now; what went wrong is said also where quiet was asked for.
-
-    ``keeps_all``: files hold every byte that was heard.
-    """
+    """Say what there is now; what went wrong is said also where quiet was asked for."""
+    keeps_all = file is None or file.holds_all
     if ended:
         tell.talk(f"stopped: {ended}")
     taps = recorder.taps
@@ -124,7 +121,7 @@ def result(
     tell.talk(
         f"{size} bytes {'recorded' if keeps_all else 'heard'}, {frames} frames, "
         f"{gaps} bytes in no frame, {anomalies} {'anomaly' if anomalies == 1 else 'anomalies'}"
-        f"{_where(files)}"
+        f"{_where(None if file is None else file.files)}"
     )
     by_bus: dict[str, int] = {}
     for tap in taps:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
@@ -117,6 +117,9 @@ class FlightRecorder:
     Raises:
         OutputError: a file cannot be written.
     """
+
+    holds_all: ClassVar[bool] = False
+    """Whether its files have every byte that is heard."""
 
     def __init__(
         self,

@@ -20,7 +20,7 @@ import contextlib
 import time
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from sniffer.decoding.names import joined
 from sniffer.ground.cutting import behind
@@ -97,6 +97,9 @@ class RotatingMcap:
         OutputError: a file cannot be written, or without ``overwrite`` one of that name is there;
             what was written before stays readable.
     """
+
+    holds_all: ClassVar[bool] = True
+    """Whether its files have every byte that is heard."""
 
     def __init__(
         self,
