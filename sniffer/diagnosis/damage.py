@@ -15,7 +15,7 @@ from sniffer.diagnosis.answered import AnsweredCommands, outcomes_of
 from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.likes import Asking, Likes, RequestBefore, asking_of
 from sniffer.diagnosis.torn import TornRuns, is_held, only_value
-from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
 from sniffer.ground.model import Clock, Frames
 
@@ -314,6 +314,7 @@ class Damages:
         asks = (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
         peers = (doubt >= 0) & self._answered.are_known(op, runs.start)
         asks &= ((outcome != NOT_EXPECTED) | peers) & ((outcome != OK) | follows)
+        asks &= (outcome != MISMATCHED) | ~follows  # that is the answer to a torn request
         inside = asks & (doubt >= 0)
         if inside.any():
             own = row[inside] >= 0
