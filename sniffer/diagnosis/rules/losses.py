@@ -115,8 +115,6 @@ def torn_requests(case: Case) -> Iterator[Finding]:
         # what stands right behind a torn answer was said into it
         if (d.turn == IN_REPLY and not _is_end(d.got, known)) or d.at in ends:
             continue
-        if _is_begun_before(d, known):
-            continue
         if _is_short(d.got, known) or (bare and _is_short(d.got[:-bare], known)):
             short.append(d)
         else:
@@ -325,15 +323,6 @@ def _is_end(got: bytes, known: Sequence[bytes]) -> bool:
     """Tell whether bytes are the end of a request: the answer that was awaited is missing, too."""
     size = len(got)
     return size > PIECE and any(q.endswith(got) and len(q) > size + 1 for q in known)
-
-
-def _is_begun_before(d: Damage, known: Sequence[bytes]) -> bool:
-    """Tell whether the request before has the bytes that are missing here as its last ones.
-
-    A pulse in its length made it longer: no byte is missing.
-    """
-    size = len(d.got)
-    return any(q.endswith(d.got) and size < len(q) and d.asked.endswith(q[:-size]) for q in known)
 
 
 def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
