@@ -172,8 +172,8 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         else (case.first_ns, case.last_ns)
     )
     come = "end" if worst.ends else "come"
-    # of an answer that stamps may have held for as long as it took nobody knows the least
-    usual = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least" * bool(worst.usual_ns)
+    middle = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least"
+    usual = middle if worst.usual_ns > worst.peers_ns else ""  # else stamps hide how late it is
     word = case.protocol.op_name(worst.op)  # its last 32 bits, which hold any usual word
     return Finding(
         "slower-than-peers",
