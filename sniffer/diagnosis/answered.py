@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.ground.codes import OK
+from sniffer.ground.codes import IF_ALL, MANY, MISMATCHED, NEVER, NOT_EXPECTED, OK
 from sniffer.ground.model import ECHO
 
 if TYPE_CHECKING:
@@ -40,6 +40,21 @@ class AnsweredCommands:
             ],
             np.bool_,
         )
+
+
+def is_awaited(reply: I64, outcome: I64, follows: Mask, by_peers: Mask) -> Mask:
+    """Tell behind which requests an answer is awaited, so that torn bytes there are one.
+
+    Args:
+        reply: whether each request is answered, as its protocol has it.
+        outcome: what became of it.
+        follows: an answer begins right behind the torn bytes.
+        by_peers: somebody is heard to answer such a request.
+    """
+    awaits = (reply != NEVER) & (reply != MANY)
+    awaits &= ((outcome != NOT_EXPECTED) | by_peers) & ((outcome != OK) | follows)
+    # another answer behind a write that need not have one is that to a torn request
+    return awaits & ((outcome != MISMATCHED) | ~follows | (reply != IF_ALL))
 
 
 def outcomes_of(batch: Batch) -> I64:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.answered import AnsweredCommands, outcomes_of
+from sniffer.diagnosis.answered import AnsweredCommands, is_awaited, outcomes_of
 from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.likes import Asking, Likes, RequestBefore, asking_of
 from sniffer.diagnosis.torn import TornRuns, is_held, only_value
-from sniffer.ground.codes import MANY, MISMATCHED, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
 from sniffer.ground.model import Clock, Frames
 
@@ -311,10 +311,8 @@ class Damages:
         timed = np.append(f.uncertainty, -1)[after]
         since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
         next_to = (start - ends <= BLANKS) & (kind >= 0)
-        asks = (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
         peers = (doubt >= 0) & self._answered.are_known(op, runs.start)
-        asks &= ((outcome != NOT_EXPECTED) | peers) & ((outcome != OK) | follows)
-        asks &= (outcome != MISMATCHED) | ~follows  # that is the answer to a torn request
+        asks = (kind == REQUEST) & is_awaited(reply, outcome, follows, peers)
         inside = asks & (doubt >= 0)
         if inside.any():
             own = row[inside] >= 0
