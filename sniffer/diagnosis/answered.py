@@ -51,10 +51,11 @@ def is_awaited(reply: I64, outcome: I64, follows: Mask, by_peers: Mask) -> Mask:
         follows: an answer begins right behind the torn bytes.
         by_peers: somebody is heard to answer such a request.
     """
-    awaits = (reply != NEVER) & (reply != MANY)
+    awaits: Mask = (reply != NEVER) & (reply != MANY)
     awaits &= ((outcome != NOT_EXPECTED) | by_peers) & ((outcome != OK) | follows)
     # another answer behind a write that need not have one is that to a torn request
-    return awaits & ((outcome != MISMATCHED) | ~follows | (reply != IF_ALL))
+    awaits &= (outcome != MISMATCHED) | ~follows | (reply != IF_ALL)
+    return awaits
 
 
 def outcomes_of(batch: Batch) -> I64:
