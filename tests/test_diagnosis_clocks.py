@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import pytest
 
 from sniffer.diagnosis.uart import both, heard, sent
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import answer_begins
-from tests.conversations import TONGUES, robot, swinging, through_usb, without_clock
+from tests.conversations import TONGUES, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
-from tests.streams import rs30x
-
-if TYPE_CHECKING:
-    from tests.conversations import Conversation
+from tests.streams import mightyzap, rs30x
 
 NAMED: Final = ("mightyzap", "rs30x", "lss")
 """Protocols whose answers begin with whom they are from."""
@@ -142,3 +139,27 @@ def test_a_clock_whose_servo_is_asked_while_it_moves_is_no_interference_of_motor
     told = robot("rs30x", 20, path=path, instead=instead).diagnosed()
     assert "damage-while-moving" not in codes(told)
     assert verdicts(told.incidents()) == [("clock-drift", (SICK,))]
+
+
+@pytest.mark.parametrize("tears", [fast, slow])
+def test_of_writes_that_only_its_peers_are_heard_to_answer_the_torn_answers_are_its_own(
+    tears: Tears,
+) -> None:
+    """The answer to a write is the same each time, so it is torn into the same bytes each time."""
+    talk = Conversation("mightyzap")
+    for _ in range(120):
+        for servo in (1, SICK, 3):
+            place = swinging(servo, talk.now_s)
+            done, state = mightyzap.packet(servo, 0), talk.tongue.answer(servo, place)
+            for asked, said in (
+                (talk.tongue.goal(servo, place), done),
+                (talk.tongue.ask(servo), state),
+            ):
+                talk.say(asked)
+                talk.rest(0.4)
+                talk.say(tears(said) if servo == SICK else said)
+                talk.rest(20 if servo == SICK else 0.4)
+        talk.rest(5)
+    told = talk.diagnosed()
+    assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
+    assert "same-bytes-torn" not in codes(told)

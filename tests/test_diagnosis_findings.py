@@ -263,6 +263,17 @@ def test_an_old_id_that_is_asked_still_is_named_with_the_new_one() -> None:
     assert "given the id 7" in told.what
 
 
+def test_an_id_that_is_given_to_all_is_named_for_each_that_is_silent_since() -> None:
+    d = lss(
+        *asked(2, since=0, until=2),
+        *asked(5, since=0, until=2),
+        (2.05, "#254CID7"),
+        *asked(2, since=2.2, until=6, answered=False),
+        *asked(5, since=2.2, until=6, answered=False),
+    )
+    assert verdicts(d.incidents()) == [("id-changed", (2, 5))]
+
+
 def test_an_id_that_was_changed_and_is_used_is_no_incident() -> None:
     d = lss(
         *asked(2, since=0, until=6),

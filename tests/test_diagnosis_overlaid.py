@@ -124,3 +124,20 @@ def test_what_two_answers_at_once_pull_low_is_no_weak_signal() -> None:
 
     talk = robot("rs30x", 8, servos=(1, 2, 3), instead=instead, goals=False)
     assert verdicts(talk.diagnosed().incidents()) == [("duplicate-id", (1,))]
+
+
+def test_two_loops_of_which_hardly_a_request_is_whole_send_no_wrong_form() -> None:
+    """Each request begins as it should, and the other one's ends it."""
+    talk, rng = Conversation("rs30x"), random.Random(3)
+    goals = [talk.tongue.goal(servo, servo / 8) for servo in (1, 2, 3, 4)]
+    for k in range(500):
+        first, second = rng.sample(goals + ASKS["rs30x"], 2)
+        if k % 9:
+            talk.say(at_once(first, second, rng.uniform(45, 75)))
+            talk.rest(12)
+        else:
+            talk.read(1 + k % 3, swinging(1 + k % 3, talk.now_s))
+    told = talk.diagnosed()
+    assert {"begins-hold", "requests-overlaid"} <= codes(told)
+    assert verdicts(told.incidents())[0] == ("two-masters", ())
+    assert "malformed-command" not in {cause for cause, _ in verdicts(told.incidents())}

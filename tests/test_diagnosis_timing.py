@@ -22,6 +22,7 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.streams import mightyzap
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -370,3 +371,18 @@ def test_a_host_that_is_late_with_one_answer_in_ten_makes_no_servo_slow(protocol
             replace(c, clock=Clock.READ, t_ns=max(stamp, late[-1].t_ns or 0) if late else stamp)
         )
     assert "slower-than-peers" not in codes(diagnosed(late, protocol, baud=57600, latency_ns=MS))
+
+
+@pytest.mark.parametrize("address", [0x0E, 0x86])
+def test_a_servo_that_answers_writes_of_its_memory_later_is_not_slow(address: int) -> None:
+    """It answers when its memory is written; one that is as late with its goal is slow."""
+    talk = Conversation("mightyzap")
+    for _ in range(60):
+        for servo in (1, 2, 3):
+            for at in (0x86, *((address,) * (servo == 2))):
+                talk.say(mightyzap.packet(servo, 0xF3, bytes([at, 0, 3])))
+                talk.rest(5 if servo == 2 and at == address else 0.3)
+                talk.say(mightyzap.packet(servo, 0))
+                talk.rest(0.4)
+        talk.rest(20)
+    assert ("slower-than-peers" in codes(talk.diagnosed())) == (address == 0x86)

@@ -7,8 +7,10 @@ import random
 import pytest
 
 from sniffer.diagnosis.acting import SURE
+from sniffer.diagnosis.uart import both, heard, sent
 from tests.conversations import TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.streams import mightyzap
 
 SERVOS = (1, 2, 3, 4)
 
@@ -112,3 +114,22 @@ def test_where_nobody_answers_no_rate_is_sure_and_the_supply_is_looked_at(protoc
     )
     assert incident.causes[0].confidence < SURE
     assert "easure the supply at a servo" in incident.next
+
+
+@pytest.mark.parametrize("bits", [22.4, 24.4])
+def test_requests_that_always_run_into_answers_are_known_by_those_to_other_servos(
+    bits: float,
+) -> None:
+    """A timeout shorter than any answer: every second request is never heard whole."""
+    talk = Conversation("mightyzap")
+    talk.read(1, 0.5)
+    for _ in range(60):
+        for servo, after in ((1, 2), (3, 4)):
+            talk.say(mightyzap.packet(servo, 0xF1))
+            talk.rest(2.6)
+            answer = sent(mightyzap.packet(servo, 0))
+            talk.say(heard(both(answer, sent(talk.tongue.ask(after), begin=bits), min)))
+            talk.rest(20)
+    told = talk.diagnosed()
+    assert "request-in-answer" in codes(told)
+    assert not {cause for cause, _ in verdicts(told.incidents())} & {"turnaround", "duplicate-id"}

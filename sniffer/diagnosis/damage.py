@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.answered import AnsweredCommands, is_awaited, outcomes_of
 from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.likes import Asking, Likes, RequestBefore, asking_of
 from sniffer.diagnosis.torn import TornRuns, is_held, only_value
-from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
-from sniffer.ground.model import ECHO, Clock, Frames
+from sniffer.ground.model import Clock, Frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -140,9 +141,10 @@ class _Edge(NamedTuple):
     uncertainty: int
     window_ns: int
     outcome: int
+    op: int
 
 
-_NOBODY: Final = _Edge(-1 << 40, -1, -1, 0, 0, -1, 0, -1)
+_NOBODY: Final = _Edge(-1 << 40, -1, -1, 0, 0, -1, 0, -1, -1)
 
 
 class _Told(NamedTuple):
@@ -167,6 +169,7 @@ class Damages:
         self._protocol = protocol
         self._counts = TimedBuckets(_COUNTS, turn=len(TURNS))
         self.likes = Likes()
+        self._answered = AnsweredCommands()
         self._kept: list[Damage] = []
         self._open = TornRuns.empty()
         self._begun = b""
@@ -193,6 +196,7 @@ class Damages:
     def add(self, batch: Batch, byte_ns: int) -> None:
         """Take the gaps of a batch; ``byte_ns`` is how long a byte takes on the line."""
         self._byte_ns = byte_ns
+        self._answered.add(batch)
         if len(batch.data) and (len(batch.gaps) or len(self._open)):
             self._places(batch)
         if len(batch.frames):
@@ -211,7 +215,8 @@ class Damages:
             int(last.t_end[0]),
             int(last.uncertainty[0]),
             int(self._protocol.window_ns(last)[0]),
-            int(_outcomes(batch)[len(f) - 1]),
+            int(outcomes_of(batch)[len(f) - 1]),
+            int(last.op[0]),
         )
 
     def _places(self, batch: Batch) -> None:
@@ -284,7 +289,7 @@ class Damages:
         row = np.searchsorted(f.end, start, "right") - 1
         after = np.searchsorted(f.start, end)
         edge = self._edge or _NOBODY
-        kind, servo, reply, ends, ended, doubt = (
+        kind, servo, reply, ends, ended, doubt, op = (
             np.append(column.astype(np.int64), last)[row]
             for column, last in (
                 (f.kind, edge.kind),
@@ -293,6 +298,7 @@ class Damages:
                 (f.end, edge.end - base),
                 (f.t_end, edge.t_end),
                 (f.uncertainty, edge.uncertainty),
+                (f.op, edge.op),
             )
         )
         then = np.append(f.kind.astype(np.int64), -1)[after]
@@ -300,13 +306,13 @@ class Damages:
         next_start = np.append(f.start, -1)[after]
         between = np.where((next_start >= 0) & (kind >= 0), next_start - ends, -1)
         follows = (then == RESPONSE) & (next_start == end)
-        known = _outcomes(batch)[:-1] if batch is not None else np.empty(0, np.int64)
+        known = outcomes_of(batch)[:-1] if batch is not None else np.empty(0, np.int64)
         outcome = np.append(known, edge.outcome)[row]
         timed = np.append(f.uncertainty, -1)[after]
         since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
         next_to = (start - ends <= BLANKS) & (kind >= 0)
-        asks = (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
-        asks &= (outcome != NOT_EXPECTED) & ((outcome != OK) | follows)
+        peers = (doubt >= 0) & self._answered.are_known(op, runs.start)
+        asks = (kind == REQUEST) & is_awaited(reply, outcome, follows, peers)
         inside = asks & (doubt >= 0)
         if inside.any():
             own = row[inside] >= 0
@@ -386,14 +392,3 @@ class Damages:
                 asking_of(f, after) if f is not None and after >= 0 else None,
                 int(told.between[i]),
             )
-
-
-def _outcomes(batch: Batch) -> I64:
-    """Return what became of each frame's request, -1 for others; an echo's is its request's."""
-    t, f = batch.transactions, batch.frames
-    out = np.full(len(f) + 1, -1, np.int64)
-    mine = np.flatnonzero(t.request >= 0)
-    out[t.request[mine]] = t.outcome[mine]
-    echo = np.flatnonzero(f.flags & ECHO)
-    out[echo] = out[echo - 1]
-    return out

@@ -27,7 +27,7 @@ from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
-from sniffer.diagnosis.settings import Settings
+from sniffer.diagnosis.settings import Settings, kept_addresses
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
@@ -99,7 +99,7 @@ class Ledger:
         """By bucket, code (a row of ``found.CODES``) and servo."""
         self.events = Events()
         self.took = Histograms()
-        """Response times by servo and command (``pair_key``)."""
+        """Response times by servo and command (``pair_key``), of what writes no lasting memory."""
         self.periods = Histograms(FINE_OCTAVE)
         """Times from a request to the next like it, by servo, command and address."""
         self.pauses = Histograms()
@@ -128,6 +128,7 @@ class Ledger:
         """Bytes of the first such answer."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
+        self._kept = kept_addresses(protocol)
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
         self._has_unit = np.array([bool(r.unit) for r in registers], bool)
@@ -240,8 +241,10 @@ class Ledger:
             t_first=t_ns,
             t_last=t_ns,
         )
-        # Who answers behind others, to requests in one go, waited for them.
-        alone = timed & (response == request + 1)
+        # Who answers behind others, to requests in one go, waited for them; or for its memory.
+        writes = is_asked & (frames.data_length[rows] > 0)
+        lasts = writes & np.isin(frames.address[rows], self._kept)
+        alone = timed & (response == request + 1) & ~lasts
         whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
         self.took.add(whose, least[alone], took[alone] + spread[alone])
 

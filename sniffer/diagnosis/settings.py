@@ -47,6 +47,12 @@ def _is_setting(register: Register) -> bool:
     return register.quantity not in MOVING
 
 
+def kept_addresses(protocol: BusProtocol) -> I64:
+    """Return the addresses whose registers are written to memory that lasts with each write."""
+    kept = [r.address for r in protocol.registers if not r.volatile and r.address >= 0]
+    return np.array([] if getattr(protocol, "keeps", "") else sorted(set(kept)), np.int64)
+
+
 class Settings:
     """Counts writes by servo and register, and remembers what each setting was last."""
 

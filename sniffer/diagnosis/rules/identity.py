@@ -52,31 +52,36 @@ SECOND: Final = 2
 def old_ids(case: Case) -> Iterator[Finding]:
     """Ids that were given away and are asked still."""
     told = case.anomalies("id-changed")
-    for k, servo in enumerate(told.servo_id.tolist()):
+    for k, named in enumerate(told.servo_id.tolist()):
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
-        asked, ok, first, last = _since(case, servo, t)
-        if ok:  # what is kept without power may become true with the next start only, as LSS has it
-            spells = case.ledger.silences.of(servo)
-            late = [s for s in spells if s.back_ns is None and s.first_ns >= t]
-            if not late:
-                continue
-            asked, first, last = late[0].missed, late[0].first_ns, case.last_ns
-        if asked < LEAST:
-            continue
-        new = _value(case, "servo_id", servo, t)
+        new = _value(case, "servo_id", named, t)
         to = "" if new is None else f" {new}"
-        yield Finding(
-            "old-id-asked",
-            servo,
-            t,
-            last,
-            asked,
-            f"servo {servo} was given the id{to} at {case.since(t)}; {asked} requests to {servo} "
-            f"follow, the first {(first - t) / NS:.3f} s later, and none is answered",
-            (Place(at, length, t, f"servo {servo} is given the id{to}"),),
-            strength=min(0.7 + asked / 20, 1.0),
-            brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
-        )
+        for servo in case.answering if named in case.everyone else (named,):
+            if servo == new:
+                continue
+            asked, ok, first, last = _since(case, servo, t)
+            if (
+                ok
+            ):  # what is kept without power may become true with the next start only, as LSS has it
+                spells = case.ledger.silences.of(servo)
+                late = [s for s in spells if s.back_ns is None and s.first_ns >= t]
+                if not late:
+                    continue
+                asked, first, last = late[0].missed, late[0].first_ns, case.last_ns
+            if asked < LEAST:
+                continue
+            yield Finding(
+                "old-id-asked",
+                servo,
+                t,
+                last,
+                asked,
+                f"servo {servo} was given the id{to} at {case.since(t)}; {asked} requests to {servo} "
+                f"follow, the first {(first - t) / NS:.3f} s later, and none is answered",
+                (Place(at, length, t, f"servo {named} is given the id{to}"),),
+                strength=min(0.7 + asked / 20, 1.0),
+                brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
+            )
 
 
 def ids_given_twice(case: Case) -> Iterator[Finding]:

@@ -42,7 +42,8 @@ FINDINGS: Final = (
         "controller",
         "A request runs into an answer: both are torn.",
         "Damage in the place of an answer that begins or ends as one of the controller's own "
-        "requests, byte for byte, and not as the answer that is due, nor with a whole answer's bytes "
+        "requests, byte for byte (or as one to another servo, but for its id and checksum), and not as "
+        "the answer that is due, nor with a whole answer's bytes "
         "beside it: two lines may only have lost the end that parts them.",
     ),
     FindingCode(
@@ -301,16 +302,24 @@ def _holds_request(d: Damage, known: Sequence[bytes], header: int, due: Sequence
     """
     if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
         return False  # nothing but a request that is torn
-    tail = max((alike(d.got[::-1], one[::-1]) for one in due), default=0)
+    tail = max((_ends_alike(d.got, one) for one in due), default=0)
     head = max((alike(d.got, one) for one in due), default=0)
     shortest = min(map(len, due), default=d.length)
     for request in known:
         if d.length - len(request) >= shortest:
             continue
-        ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
+        ends, begins = _ends_alike(d.got, request), alike(d.got, request)
         if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE, header + 1):
             return True
     return False
+
+
+def _ends_alike(got: bytes, frame: bytes) -> int:
+    """Return how many last bytes are a frame's, or those before its last one.
+
+    That is the checksum where there is one: of the same request to another servo it is another one.
+    """
+    return max(alike(got[::-1], frame[::-1]), alike(got[-2::-1], frame[-2::-1]))
 
 
 def spoken_into(case: Case) -> Iterator[Finding]:

@@ -171,7 +171,9 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         if len(rows)
         else (case.first_ns, case.last_ns)
     )
-    done, come = ("end its answer to", "end") if worst.ends else ("answer", "come")
+    come = "end" if worst.ends else "come"
+    middle = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least"
+    usual = middle if worst.usual_ns > worst.peers_ns else ""  # else stamps hide how late it is
     word = case.protocol.op_name(worst.op)  # its last 32 bits, which hold any usual word
     return Finding(
         "slower-than-peers",
@@ -179,9 +181,9 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         first,
         last,
         sum(s.slow for s in several),
-        f"servo {servo} takes at least {worst.usual_ns / 1e6:.2f} ms to {done} {word} in the "
-        f"middle, {worst.slow} of {worst.of} times longer than it should; nine tenths of another "
-        f"servo's answers {come} within {worst.peers_ns / 1e6:.2f} ms",
+        f"{worst.slow} of {worst.of} answers of servo {servo} to {word} {come} later than "
+        f"{worst.too_long_ns / 1e6:.2f} ms{usual}; nine tenths of another servo's {come} within "
+        f"{worst.peers_ns / 1e6:.2f} ms",
         tuple(
             Place(int(a["at"][r]), 1, int(a["t_first"][r]), "a slow answer's request")
             for r in rows[:3]

@@ -86,6 +86,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         (HEAD_WRONG, -9.0, "no byte is missing, and the wrong one is no line end"),
     ),
     *for_("impatient-controller", ("begins-hold", 2.5, "answers run into the next requests")),
+    *for_("two-masters", ("begins-hold", 0.2, "the other one's request ends what began well")),
     *for_(
         MALFORMED,
         ("begins-hold", 3.5, "what begins well, and never ends so, was sent so"),
