@@ -15,7 +15,6 @@ from tests.conversations import (
     TONGUES,
     Conversation,
     robot,
-    swinging,
     through_usb,
     without_clock,
 )
@@ -393,41 +392,3 @@ def test_two_torn_requests_in_a_row_are_no_hole() -> None:
         elif not is_hit:  # nobody answers what was torn
             heard.append(chunk)
     assert "order-lacks-bytes" not in codes(talk.diagnosed(heard))
-
-
-def pulses(seed: int) -> Conversation:
-    """Return goals that nobody answers, and questions; pulses alter one frame in twelve."""
-    rng, talk = random.Random(seed), Conversation("mightyzap")
-    for cycle in range(400):
-        servo = 1 + cycle % 3
-        place = swinging(servo, talk.now_s)
-        goal = talk.tongue.goal(servo, place)
-        for said in (goal, talk.tongue.ask(servo), talk.tongue.answer(servo, place)):
-            heard = bytearray(said)
-            if rng.random() < 0.08:
-                heard[rng.randrange(len(heard))] ^= 1 << rng.randrange(8)
-            talk.say(bytes(heard))
-            talk.rest(0.4)
-    return talk
-
-
-def test_a_length_that_a_pulse_made_longer_took_the_next_request_no_bytes() -> None:
-    """Two more and two FF of the next header: the sum of a mightyZAP frame holds as before."""
-    talk = Conversation("mightyzap")
-    for cycle in range(200):
-        for servo in (1, 2, 3):
-            goal = bytearray(talk.tongue.goal(servo, swinging(servo, talk.now_s)))
-            if servo == 3 and cycle % 60 == 30:
-                goal[4] |= 2
-            talk.write(bytes(goal))
-        for servo in (1, 2, 3):
-            talk.read(servo, swinging(servo, talk.now_s))
-    assert "answered-though-torn" not in codes(talk.diagnosed(without_clock(talk.chunks)))
-
-
-@pytest.mark.parametrize("seed", [2, 3])
-def test_a_torn_request_behind_a_write_that_nobody_answers_is_no_answer_to_it(seed: int) -> None:
-    """Its own answer follows, which is not that of the write: requests are torn as answers are."""
-    talk = pulses(seed)
-    for chunks in (talk.chunks, without_clock(talk.chunks)):
-        assert verdicts(talk.diagnosed(chunks).incidents()) == [("bus-noise", ())]

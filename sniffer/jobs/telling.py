@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.detect import Detection
     from sniffer.decoding.rates import RateSearch
-    from sniffer.jobs.files import RecordingFiles
+    from sniffer.mcapfile.flight import FlightRecorder
+    from sniffer.mcapfile.rotation import RotatingMcap
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
     from sniffer.viewers.screen import Screen
@@ -101,7 +102,7 @@ class Teller:
 def result(
     recorder: Recorder,
     ended: str,
-    file: RecordingFiles | None,
+    file: RotatingMcap | FlightRecorder | None,
     anchor: Anchor,
     tell: Teller,
 ) -> None:
