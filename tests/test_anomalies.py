@@ -81,6 +81,11 @@ def test_who_answers_late_is_named_also_where_all_were_asked() -> None:
     assert found.detail.startswith("servo 3 answered echo after ")
 
 
+def test_an_id_that_is_given_to_all_is_not_given_to_a_servo() -> None:
+    (found,) = anomalies(Chunk(packet(254, 0xF3, b"\x03\x07")))
+    assert (found.code, found.detail) == ("id-changed", "all servos (254) were given the id 7")
+
+
 def test_an_answer_that_could_be_a_command_is_no_odd_one_but_says_nothing() -> None:
     read, says = bytes.fromhex("FFFF0104022402D2"), bytes.fromhex("FFFF0104022403D1")
     decoder = Decoder(example("dynamixel1").PROTOCOL)

@@ -234,12 +234,14 @@ class DeviceRules(Remembering):
         for i in np.flatnonzero(told).tolist():
             r = self._known.effects[int(v.register[i])]
             who, raw, at = int(v.servo_id[i]), int(v.raw[i]), self._at(batch, int(v.row[i]))
+            is_one = who not in self._protocol.everyone
+            whom = f"servo {who} was" if is_one else f"all servos ({who}) were"
             if r.effect == "servo_id":
                 if raw != who:
-                    text = f"servo {who} was given the id {raw}"
+                    text = f"{whom} given the id {raw}"
                     yield anomaly("id-changed", int(v.t_ns[i]), who, text, at)
             else:
                 rate = r.values.get(raw)
                 named = f"of code {raw}" if rate is None else f"{rate} (code {raw})"
-                text = f"servo {who} was told the baud rate {named}"
+                text = f"{whom} told the baud rate {named}"
                 yield anomaly("baud-changed", int(v.t_ns[i]), who, text, at)
