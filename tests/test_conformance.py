@@ -39,6 +39,6 @@ HELD: Final = [
 ]
 
 
-@each_in_turn(5, "one", HELD)
+@each_in_turn(7, "one", HELD)
 def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()

@@ -13,6 +13,7 @@ from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Exchange, Talk, check, checks
 from tests.streams.forms import FORMS, SIZED, said
+from tests.streams.members import example
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -168,6 +169,15 @@ def test_what_a_talk_does_not_reach_is_named() -> None:
     assert "not shown: present_position, low byte" in told
     assert "not shown: present_position whole" not in told
     assert "not shown: a write over servo_id" in told
+
+
+def test_of_a_status_that_is_a_number_each_number_is_asked_for_and_each_bit_beside_it() -> None:
+    two = example("dynamixel2").PROTOCOL
+    asked, alive = (bytes.fromhex(f"FFFFFD00010{x}") for x in ("30001194E", "7005500060426655D"))
+    told = failing(two, [Exchange("ping", asked, (alive,), {}, ())], "coverage").splitlines()
+    assert "not shown: status 3 (crc)" in told, "bits 0 and 1 are no result_fail and instruction"
+    assert "not shown: status bit 7 (alert)" in told
+    assert sum("shown: status " in line for line in told) == 8, "what has no name is not asked for"
 
 
 def test_what_no_label_states_counts_as_not_shown() -> None:

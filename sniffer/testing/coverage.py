@@ -11,10 +11,11 @@ import numpy as np
 from sniffer.ground.codes import PARTS, REQUEST, WHOLE
 from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
 from sniffer.protocols.packets.declare import number_in
+from sniffer.protocols.reports import error_number
 from sniffer.testing.facts import header_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
@@ -142,10 +143,12 @@ def _addressing(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
 def _statuses(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
     labelled = [k for k in known if k.exchange.errors is not None]
     told = {a.status for k in labelled for a in k.answers}
-    bits = status_bits(protocol)
+    bits, numbers = status_bits(protocol), status_numbers(protocol)
     for bit, name in bits.items():
         yield Goal(f"status bit {bit} ({name})", 1 << bit in told)
-    named = [1 << bit for bit in bits]
+    for number, name in numbers.items():
+        yield Goal(f"status {number} ({name})", number in told)
+    named = [*(1 << bit for bit in bits), *numbers]
     if protocol.refused(np.array(named, np.int16)).any():
         no = [
             k
@@ -166,9 +169,22 @@ def _sizes(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
 
 
 def status_bits(protocol: BusProtocol) -> dict[int, str]:
-    """Return the bits of a status that mean something, by number; a bare number is no name."""
-    names = {bit: protocol.status_names(1 << bit) for bit in range(STATUS_BITS)}
-    return {bit: n[0] for bit, n in names.items() if n and not re.fullmatch(r"bit_?\d+", n[0])}
+    """Return the bits of a status that mean something each, by number."""
+    number = error_number(protocol)
+    bits = {bit: 1 << bit for bit in range(STATUS_BITS) if not number >> bit & 1}
+    return _named(protocol, bits)
+
+
+def status_numbers(protocol: BusProtocol) -> dict[int, str]:
+    """Return what the bits of a status that are one number may say, by that number."""
+    number = error_number(protocol)
+    return _named(protocol, {n: n for n in range(1, number + 1) if not n & ~number})
+
+
+def _named(protocol: BusProtocol, of: Mapping[int, int]) -> dict[int, str]:
+    """Return the names of statuses that have one; a bare number is none."""
+    names = {key: protocol.status_names(status) for key, status in of.items()}
+    return {k: n[0] for k, n in names.items() if n and not re.fullmatch(r"(bit|error)_?\d+", n[0])}
 
 
 def headers(known: Sequence[Known]) -> tuple[bytes, bytes]:
@@ -202,12 +218,15 @@ def _directions(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
     """What looks alike both ways is told by its neighbours; these are the hard ones."""
     asking, answering = headers(known)
     names = sum(1 << bit for bit in status_bits(protocol))
+    numbers = {0, *status_numbers(protocol)}
     alike = {
         k.request.op: k.exchange.name
         for k in known
-        if 0 <= k.request.op < 256 and not k.request.op & ~names and k.request.kind == REQUEST
+        if 0 <= k.request.op < 256
+        and k.request.op & ~names in numbers
+        and k.request.kind == REQUEST
     }
-    if not (names and alike and asking and answering.startswith(asking)):
+    if not (alike and asking and answering.startswith(asking)):
         return
     told = {a.status for k in known for a in k.answers}
     for code, name in sorted(alike.items()):

@@ -6,6 +6,7 @@ table as it stands in its file, not by what the decoder makes of it.
 
 from __future__ import annotations
 
+import json
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -59,11 +60,17 @@ def stated(model: str, address: int, data: bytes, servo: int | None = None) -> d
 
 
 def halves(model: str) -> Iterator[tuple[int, int]]:
-    """Yield spans (address, length) that begin and end inside the registers of two bytes."""
+    """Yield spans (address, length) that begin and end inside registers, all of several bytes.
+
+    Of those of two bytes from the second byte of one to the first byte of the next; of longer ones
+    a byte inside.
+    """
     wide = [r.address for r in table(model) if r.width == 2]
     for one, following in zip(wide, [*wide[1:], None], strict=True):
         yield one + 1, 1 if following is None else following - one
-    yield wide[0], 1
+    if wide:
+        yield wide[0], 1
+    yield from ((r.address + 1, 1) for r in table(model) if r.width > 2)
 
 
 def blocks(model: str) -> Iterator[tuple[int, int]]:
@@ -88,3 +95,14 @@ def of_vectors(protocol: str) -> list[Exchange]:
         elif v.kind == "request" and v.data not in answered and not v.after:
             out.append(Exchange(v.op, v.data, None))
     return list({e.data: e for e in out}.values())
+
+
+def of_package(path: str) -> list[Exchange]:
+    """Return the examples of a package's manual: their values are held beside it, as numbers."""
+    text = (ROOT / path / "vectors.json").read_text(encoding="utf-8")
+    out = []
+    for v in json.loads(text):
+        request, *answers = map(bytes.fromhex, v["packets"])
+        if v.get("requests", 1):
+            out.append(Exchange(v["op"], request, tuple(answers)))
+    return out
