@@ -292,13 +292,26 @@ def test_a_done_answer_that_fits_any_request_is_seen_by_a_talk_that_shows_it() -
     assert "done later fits any request" not in failing(SIZED, TRAVELS, "faults")
 
 
+def test_what_is_said_unasked_is_held_to_the_values_that_it_states() -> None:
+    says = said("vesc", 0x16, b"\x00\x5a\x00\x5b")
+    true = {"target_angle": 90, "actual_angle": 91}
+    detect = Exchange("set_detect", said("vesc", 0x0B, b"\x03"), (), {}, (), (says,), true)
+    assert failing(FORMS["vesc"], [detect], "truth: done later") == ""
+    assert "actual_angle whole" not in failing(FORMS["vesc"], [detect], "coverage")
+    wrong = replace(detect, later_values=true | {"actual_angle": 92})
+    assert "decoded as 0.actual_angle = 91" in failing(FORMS["vesc"], [wrong], "truth: done later")
+    silent = replace(detect, later_values=None)
+    assert "not shown: actual_angle whole" in failing(FORMS["vesc"], [silent], "coverage")
+
+
 def test_what_is_only_ever_said_unasked_is_shown_by_whom_it_was_told_to() -> None:
     vesc = FORMS["vesc"]
     says = said("vesc", 0x16, b"\x00\x5a\x00\x5b")
     detect = Exchange("set_detect", said("vesc", 0x0B, b"\x03"), (), {}, (), later=(says,))
-    answer = said("vesc", 4, b"\x00\x01\x00\x02")
+    answer = said("vesc", 4, b"\x00\x01\x00\x05")
     values = Exchange("get_values", said("vesc", 4), (answer,), None, ())
     assert failing(vesc, [detect, values], "truth: done later") == ""
+    assert "done later fits any request" not in failing(vesc, [detect, values], "faults")
     missing = failing(vesc, [detect, values], "coverage")
     assert "rotor_position" not in missing
     assert "not shown: set_pos well-formed" in missing

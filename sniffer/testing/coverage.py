@@ -226,7 +226,8 @@ def _directions(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
         and k.request.op & ~names in numbers
         and k.request.kind == REQUEST
     }
-    if not (alike and asking and answering.startswith(asking)):
+    has_status = names or len(numbers) > 1
+    if not (has_status and alike and asking and answering.startswith(asking)):
         return
     told = {a.status for k in known for a in k.answers}
     for code, name in sorted(alike.items()):
@@ -256,8 +257,7 @@ def _registers(
     table: RegisterMap, known: Sequence[Known], scenes: Sequence[Sequence[Fact]]
 ) -> Iterator[Goal]:
     facts = [f for k in known for f in (k.request, *k.answers)] + [f for s in scenes for f in s]
-    labelled = [k for k in known if k.exchange.values is not None]
-    seen = {part for k in labelled for f in (k.request, *k.answers) for part in f.parts}
+    seen = {part for k in known for f in k.labelled for part in f.parts}
     written = [f for f in facts if f.kind == REQUEST and f.parts and f.address >= 0]
     addresses = [r.address for r in table.registers if r.address >= 0]
     for r in table.registers:
