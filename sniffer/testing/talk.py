@@ -31,6 +31,7 @@ class Exchange:
         later: what the servo says once more when the thing is done, unasked: frames that answer no
             request, whatever they stand behind.
         later_values: raw values that these state, as ``values``. None: not labelled.
+        due: whether silence is a fault, whatever the servo was told before. Else it may be one.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Exchange:
     errors: tuple[str, ...] | None = None
     later: tuple[bytes, ...] = ()
     later_values: Labels | None = None
+    due: bool = False
 
     @property
     def replies(self) -> tuple[bytes, ...]:

@@ -43,7 +43,7 @@ def goal(code: int, data: bytes) -> Exchange:
 def measured(data: bytes) -> Exchange:
     """Ask for all that is measured."""
     values = stated(MODEL, GET << 8, data)
-    return Exchange("get_values", packet(GET), (packet(GET, data),), values, ())
+    return Exchange("get_values", packet(GET), (packet(GET, data),), values, (), due=True)
 
 
 def text(words: bytes) -> Exchange:

@@ -105,6 +105,10 @@ OTHERS: Final = [
 SCENES: Final = [
     [write(1, 0x03, b"\x07", code=REG), plain(1, ACTION, by=7)],
     [write(4, 0x1E, b"\x10\x02"), write(4, 0x10, b"\x01"), SAY.told(4, 0x1E, b"\x10\x02")],
+    # a servo of which nobody knows whether it answers more than pings and reads
+    *([SAY.told(5, 0x1E, b"\x10\x02", code), read(5, 0x24, b"\x10\x02")] for code in (WRITE, REG)),
+    *([SAY.unanswered(5, code)] for code in (ACTION, REBOOT, RESET)),
+    [write(6, 0x10, b"\x00"), Exchange("read", packet(6, READ, b"\x24\x02"), (), {})],
 ]
 
 TALK: Final = Talk(

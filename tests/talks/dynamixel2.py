@@ -187,7 +187,12 @@ SEVERAL: Final = [
 OTHERS: Final = [
     *(
         Exchange(
-            "ping", packet(who, PING), (status(who, error, b"\x06\x04\x26"),), {}, errors(error)
+            "ping",
+            packet(who, PING),
+            (status(who, error, b"\x06\x04\x26"),),
+            {},
+            errors(error),
+            due=True,
         )
         for who, error in ((1, 0), (2, 0), (1, ALERT))
     ),
@@ -230,13 +235,19 @@ ODD: Final = [
 ]
 
 
-def _silent(who: int) -> Exchange:
-    return SAY.told(who, 116, GOAL)
-
-
 SCENES: Final = [
     [write(1, 7, b"\x07", code=REG), plain(1, ACTION, by=7)],
-    [write(4, 116, GOAL), write(4, 68, b"\x01"), _silent(4)],
+    [write(4, 116, GOAL), write(4, 68, b"\x01"), SAY.told(4, 116, GOAL)],
+    # a servo of which nobody knows whether it answers more than pings and reads
+    [
+        *(SAY.told(5, 116, GOAL, code) for code in (WRITE, REG)),
+        *(SAY.unanswered(5, code) for code in (ACTION, REBOOT)),
+        SAY.unanswered(5, RESET, b"\x02"),
+        SAY.unanswered(5, CLEAR, TURNS),
+        SAY.unanswered(5, BACKUP, b"\x01" + TABLE),
+        read(5, 132, POSITION),
+    ],
+    [write(6, 68, b"\x00"), Exchange("read", SAY.say(6, READ, _span(132, 4)), (), {})],
 ]
 
 TALK: Final = Talk(

@@ -110,7 +110,14 @@ OTHERS: Final = [
         for who in (1, 2)
     ),
 ]
-SCENES: Final = [[write(1, 0x05, b"\x07", code=REG), plain(1, ACTION, by=7)]]
+SCENES: Final = [
+    [write(1, 0x05, b"\x07", code=REG), plain(1, ACTION, by=7)],
+    # a servo of which nobody knows whether it answers more than pings and reads
+    *([SAY.told(4, 0x2A, GOAL, code), read(4, 0x38, b"\x10\x02")] for code in (WRITE, REG)),
+    *([SAY.unanswered(4, code)] for code in (ACTION, RESET)),
+    # and one that answers those at any level
+    [write(5, 0x08, b"\x00"), read(5, 0x38, b"\x10\x02")],
+]
 
 TALK: Final = Talk(
     [*of_package(PACKAGE), *READS, *WRITES, *OTHERS],

@@ -63,7 +63,7 @@ class ByAddress:
         labels = {} if self._is_instruction(status, data) else stated(self.model, address, data)
         request = self.say(who, READ, self.number(address) + self.number(len(data)))
         answer = self.status(who if by is None else by, status, data)
-        return Exchange("read", request, (answer,), labels, self.errors(status))
+        return Exchange("read", request, (answer,), labels, self.errors(status), due=True)
 
     def read_failed(self, who: int, address: int, length: int, status: int) -> Exchange:
         """Read registers; an error without any data answers."""
@@ -96,11 +96,16 @@ class ByAddress:
         """Say an instruction about no register."""
         answer = self.status(who if by is None else by, status, b"")
         request = self.say(who, code, params)
-        return Exchange(self.names[code], request, (answer,), {}, self.errors(status))
+        errors = self.errors(status)
+        return Exchange(self.names[code], request, (answer,), {}, errors, due=code == PING)
+
+    def unanswered(self, who: int, code: int, params: bytes = b"") -> Exchange:
+        """Say an instruction about no register that the servo need not answer; it does not."""
+        return Exchange(self.names[code], self.say(who, code, params), (), {})
 
     def to_all(self, code: int, params: bytes = b"") -> Exchange:
         """Say an instruction about no register to all; nobody answers."""
-        return Exchange(self.names[code], self.say(ALL, code, params), (), {})
+        return self.unanswered(ALL, code, params)
 
     def sync_write(self, address: int, *targets: tuple[int, bytes]) -> Exchange:
         """Write the same registers of several servos; nobody answers."""
