@@ -161,6 +161,7 @@ def test_a_wrong_label_is_told_as_what_it_was_decoded_as(wrong: Exchange, words:
 def test_what_a_talk_does_not_reach_is_named() -> None:
     told = failing(ZAP, SMALL, "coverage").splitlines()
     assert "not shown: load_data one byte less" in told
+    assert "not shown: load_data due" in told
     assert "not shown: an unknown command" in told
     assert "not shown: a request to id 254" in told
     assert "not shown: status bit 5 (overload)" in told
@@ -205,6 +206,18 @@ def test_a_command_that_must_be_answered_is_held_to_it_where_the_label_says_so()
         due = [replace(e, due=True) for e in SMALL]
         assert failing(ZAP, due, check_named) == ""
         assert "not_expected" in failing(Lenient(ZAP), due, check_named)
+
+
+def test_what_silence_means_is_asked_for_of_each_command_that_is_answered() -> None:
+    store = Exchange("store_data", packet(1, STORE, b"\x86\x10\x02"), (packet(1, 0),))
+    told = failing(ZAP, [*SMALL, store], "coverage")
+    assert "not shown: echo due" in told
+    assert "not shown: store_data unanswered, without fault" in told
+    assert "store_data due" not in told, "a servo may have been told not to answer it"
+    shown = Talk([*(replace(e, due=True) for e in SMALL), store], [[replace(store, answers=())]])
+    told = failing(ZAP, shown, "coverage")
+    assert " due" not in told
+    assert "without fault" not in told
 
 
 def test_an_ambiguity_is_counted_and_its_number_must_be_met() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.codes import PARTS, REQUEST, WHOLE
+from sniffer.ground.codes import IF_ALL, IF_READ, MUST, PARTS, REQUEST, WHOLE
 from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
 from sniffer.protocols.packets.declare import number_in
 from sniffer.protocols.reports import error_number
@@ -65,8 +65,10 @@ def goals(
     arrangements: Iterable[str],
 ) -> list[Goal]:
     """Return everything that is asked of a talk, met or not."""
+    names = commands_of(protocol, talk)
     out = [
-        *_commands(commands_of(protocol, talk), known),
+        *_commands(names, known),
+        *_replies(names, known, {e.name for s in talk.scenes for e in s if e.answers == ()}),
         *_later(protocol, known),
         *_addressing(protocol, known),
         *_statuses(protocol, known),
@@ -107,6 +109,17 @@ def _commands(names: Sequence[str], known: Sequence[Known]) -> Iterator[Goal]:
         yield Goal(f"{name} one byte more", any(n + 1 in lengths for n in right))
         yield Goal(f"{name} with its values", any(k.exchange.values is not None for k in good))
     yield Goal("an unknown command", any(k.request.flags & UNKNOWN for k in known))
+
+
+def _replies(names: Sequence[str], known: Sequence[Known], unanswered: set[str]) -> Iterator[Goal]:
+    """What silence means is told by silence only: of answers no two classes of reply differ."""
+    for name in names:
+        mine = [k for k in known if k.exchange.name == name and k.answers]
+        replies = {k.request.reply for k in mine}
+        if replies & {MUST, IF_READ}:
+            yield Goal(f"{name} due", any(k.exchange.due for k in mine))
+        if IF_ALL in replies:
+            yield Goal(f"{name} unanswered, without fault", name in unanswered)
 
 
 def _later(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:

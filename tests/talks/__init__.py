@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
@@ -17,7 +19,7 @@ from sniffer.testing import Exchange, Label
 from tests.vectors import vectors
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 
 ROOT: Final = Path(__file__).parents[2]
@@ -106,3 +108,21 @@ def of_package(path: str) -> list[Exchange]:
         if v.get("requests", 1):
             out.append(Exchange(v["op"], request, tuple(answers)))
     return out
+
+
+def due(exchanges: Iterable[Exchange], *names: str) -> list[Exchange]:
+    """Say that servos always answer these commands (or patterns of them)."""
+    return [replace(e, due=bool(e.answers) and _named(e, names)) for e in exchanges]
+
+
+def unanswered(exchanges: Iterable[Exchange], *names: str) -> list[list[Exchange]]:
+    """Return a scene for each of these commands: it need not be answered, and is not."""
+    first: dict[str, Exchange] = {}
+    for e in exchanges:
+        if e.answers and not e.errors and _named(e, names):
+            first.setdefault(e.name, replace(e, answers=(), errors=None, later=()))
+    return [[e] for e in first.values()]
+
+
+def _named(e: Exchange, names: Iterable[str]) -> bool:
+    return any(fnmatchcase(e.name, name) for name in names)
