@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.protocols import PROTOCOLS
-from sniffer.testing import Requirement, checks
+from sniffer.testing import Requirement, Talk, checks
 from tests.lists import each_in_turn
 from tests.streams.members import ALL, example
+from tests.talks import feetech
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
-    from sniffer.testing import Talk
 
 TALKS: Final = Path(__file__).parent / "talks"
 
@@ -39,6 +39,12 @@ HELD: Final = [
 ]
 
 
-@each_in_turn(5, "one", HELD)
+@each_in_turn(7, "one", HELD)
 def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()
+
+
+def test_servos_of_the_other_table_state_their_numbers_with_the_high_byte_first() -> None:
+    other = Talk(feetech.of_table(feetech.speaks("scs009")), model="scs009")
+    first = next(c for c in checks(example("feetech").PROTOCOL, other) if "answered" in c.name)
+    first()

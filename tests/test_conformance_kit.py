@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from sniffer.ground.codes import NEVER, REQUEST, RESPONSE
+from sniffer.ground.codes import IF_READ, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Exchange, Talk, check, checks
 from tests.streams.forms import FORMS, SIZED, said
+from tests.streams.members import example
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -160,6 +161,7 @@ def test_a_wrong_label_is_told_as_what_it_was_decoded_as(wrong: Exchange, words:
 def test_what_a_talk_does_not_reach_is_named() -> None:
     told = failing(ZAP, SMALL, "coverage").splitlines()
     assert "not shown: load_data one byte less" in told
+    assert "not shown: load_data due" in told
     assert "not shown: an unknown command" in told
     assert "not shown: a request to id 254" in told
     assert "not shown: status bit 5 (overload)" in told
@@ -168,6 +170,15 @@ def test_what_a_talk_does_not_reach_is_named() -> None:
     assert "not shown: present_position, low byte" in told
     assert "not shown: present_position whole" not in told
     assert "not shown: a write over servo_id" in told
+
+
+def test_of_a_status_that_is_a_number_each_number_is_asked_for_and_each_bit_beside_it() -> None:
+    two = example("dynamixel2").PROTOCOL
+    asked, alive = (bytes.fromhex(f"FFFFFD00010{x}") for x in ("30001194E", "7005500060426655D"))
+    told = failing(two, [Exchange("ping", asked, (alive,), {}, ())], "coverage").splitlines()
+    assert "not shown: status 3 (crc)" in told, "bits 0 and 1 are no result_fail and instruction"
+    assert "not shown: status bit 7 (alert)" in told
+    assert sum("shown: status " in line for line in told) == 8, "what has no name is not asked for"
 
 
 def test_what_no_label_states_counts_as_not_shown() -> None:
@@ -181,6 +192,32 @@ def test_an_excuse_counts_and_one_without_need_is_told() -> None:
     told = failing(ZAP, talk, "coverage")
     assert "status bit" not in told
     assert "said to be absent, and it is not: echo well-formed" in told
+
+
+def test_a_command_that_must_be_answered_is_held_to_it_where_the_label_says_so() -> None:
+    class Lenient(Changed):
+        def describe(self, block: Block, spans: Spans) -> Frames:
+            frames: Frames = self.protocol.describe(block, spans)
+            reply = np.where(frames.reply == IF_READ, np.uint8(OPTIONAL), frames.reply)
+            return replace(frames, reply=reply)
+
+    for check_named in ("truth: lost", "truth: repeated, lost"):
+        assert failing(Lenient(ZAP), SMALL, check_named) == "", "silence may mean either"
+        due = [replace(e, due=True) for e in SMALL]
+        assert failing(ZAP, due, check_named) == ""
+        assert "not_expected" in failing(Lenient(ZAP), due, check_named)
+
+
+def test_what_silence_means_is_asked_for_of_each_command_that_is_answered() -> None:
+    store = Exchange("store_data", packet(1, STORE, b"\x86\x10\x02"), (packet(1, 0),))
+    told = failing(ZAP, [*SMALL, store], "coverage")
+    assert "not shown: echo due" in told
+    assert "not shown: store_data unanswered, without fault" in told
+    assert "store_data due" not in told, "a servo may have been told not to answer it"
+    shown = Talk([*(replace(e, due=True) for e in SMALL), store], [[replace(store, answers=())]])
+    told = failing(ZAP, shown, "coverage")
+    assert " due" not in told
+    assert "without fault" not in told
 
 
 def test_an_ambiguity_is_counted_and_its_number_must_be_met() -> None:
@@ -282,13 +319,26 @@ def test_a_done_answer_that_fits_any_request_is_seen_by_a_talk_that_shows_it() -
     assert "done later fits any request" not in failing(SIZED, TRAVELS, "faults")
 
 
+def test_what_is_said_unasked_is_held_to_the_values_that_it_states() -> None:
+    says = said("vesc", 0x16, b"\x00\x5a\x00\x5b")
+    true = {"target_angle": 90, "actual_angle": 91}
+    detect = Exchange("set_detect", said("vesc", 0x0B, b"\x03"), (), {}, (), (says,), true)
+    assert failing(FORMS["vesc"], [detect], "truth: done later") == ""
+    assert "actual_angle whole" not in failing(FORMS["vesc"], [detect], "coverage")
+    wrong = replace(detect, later_values=true | {"actual_angle": 92})
+    assert "decoded as 0.actual_angle = 91" in failing(FORMS["vesc"], [wrong], "truth: done later")
+    silent = replace(detect, later_values=None)
+    assert "not shown: actual_angle whole" in failing(FORMS["vesc"], [silent], "coverage")
+
+
 def test_what_is_only_ever_said_unasked_is_shown_by_whom_it_was_told_to() -> None:
     vesc = FORMS["vesc"]
     says = said("vesc", 0x16, b"\x00\x5a\x00\x5b")
     detect = Exchange("set_detect", said("vesc", 0x0B, b"\x03"), (), {}, (), later=(says,))
-    answer = said("vesc", 4, b"\x00\x01\x00\x02")
+    answer = said("vesc", 4, b"\x00\x01\x00\x05")
     values = Exchange("get_values", said("vesc", 4), (answer,), None, ())
     assert failing(vesc, [detect, values], "truth: done later") == ""
+    assert "done later fits any request" not in failing(vesc, [detect, values], "faults")
     missing = failing(vesc, [detect, values], "coverage")
     assert "rotor_position" not in missing
     assert "not shown: set_pos well-formed" in missing

@@ -331,12 +331,12 @@ def done_later(k: Known, others: Others) -> Iterator[TalkCase]:
     if not (e := k.exchange).later:
         return
     for silent in (False, True):
-        case = TalkCase(DONE_LATER, (e,))
+        case = TalkCase(DONE_LATER, (e.done,), valued=e.later_values is not None)
         case.exchange(e)
         _done(case, e, silent=silent)
         yield case
     mine = others.some(lambda o: o.asks_one and o.servo_id == k.servo_id and o is not k)
-    for o in (k, *mine) if k.asks_one else ():
+    for o in (k, *mine) if k.asks_one else mine:
         case = TalkCase(DONE_LATER, (e, o.exchange))
         case.exchange(e)
         at = case.ask(o.exchange)

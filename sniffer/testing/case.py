@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 NOTHING: Final = frozenset({NO_RESPONSE, NOT_EXPECTED})
 """No answer: whether one was expected depends on what the servo was told before."""
 
+DUE: Final = frozenset({NO_RESPONSE})
+"""No answer, where there is always one."""
+
 TORN: Final = frozenset({DAMAGED, NOT_EXPECTED})
 """Broken bytes where the answer should be: no silent servo."""
 
@@ -86,7 +89,8 @@ class TalkCase:
 
     def unanswered(self, e: Exchange, at: int) -> None:
         """Note that a request stays without an answer."""
-        self.pairs.append(Pair(at, -1, frozenset({NOT_EXPECTED}) if e.answers == () else NOTHING))
+        silent = DUE if e.due else NOTHING
+        self.pairs.append(Pair(at, -1, frozenset({NOT_EXPECTED}) if e.answers == () else silent))
 
     def answer(self, e: Exchange, at: int) -> None:
         """Say the answers to the request at ``at``."""

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.codes import PARTS, REQUEST, WHOLE
+from sniffer.ground.codes import IF_ALL, IF_READ, MUST, PARTS, REQUEST, WHOLE
 from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
 from sniffer.protocols.packets.declare import number_in
+from sniffer.protocols.reports import error_number
 from sniffer.testing.facts import header_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
@@ -64,8 +65,10 @@ def goals(
     arrangements: Iterable[str],
 ) -> list[Goal]:
     """Return everything that is asked of a talk, met or not."""
+    names = commands_of(protocol, talk)
     out = [
-        *_commands(commands_of(protocol, talk), known),
+        *_commands(names, known),
+        *_replies(names, known, {e.name for s in talk.scenes for e in s if e.answers == ()}),
         *_later(protocol, known),
         *_addressing(protocol, known),
         *_statuses(protocol, known),
@@ -108,6 +111,17 @@ def _commands(names: Sequence[str], known: Sequence[Known]) -> Iterator[Goal]:
     yield Goal("an unknown command", any(k.request.flags & UNKNOWN for k in known))
 
 
+def _replies(names: Sequence[str], known: Sequence[Known], unanswered: set[str]) -> Iterator[Goal]:
+    """What silence means is told by silence only: of answers no two classes of reply differ."""
+    for name in names:
+        mine = [k for k in known if k.exchange.name == name and k.answers]
+        replies = {k.request.reply for k in mine}
+        if replies & {MUST, IF_READ}:
+            yield Goal(f"{name} due", any(k.exchange.due for k in mine))
+        if IF_ALL in replies:
+            yield Goal(f"{name} unanswered, without fault", name in unanswered)
+
+
 def _later(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
     family: PacketFamily | None = getattr(protocol, "family", None)
     if family is None:
@@ -142,10 +156,12 @@ def _addressing(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
 def _statuses(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
     labelled = [k for k in known if k.exchange.errors is not None]
     told = {a.status for k in labelled for a in k.answers}
-    bits = status_bits(protocol)
+    bits, numbers = status_bits(protocol), status_numbers(protocol)
     for bit, name in bits.items():
         yield Goal(f"status bit {bit} ({name})", 1 << bit in told)
-    named = [1 << bit for bit in bits]
+    for number, name in numbers.items():
+        yield Goal(f"status {number} ({name})", number in told)
+    named = [*(1 << bit for bit in bits), *numbers]
     if protocol.refused(np.array(named, np.int16)).any():
         no = [
             k
@@ -166,9 +182,22 @@ def _sizes(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]:
 
 
 def status_bits(protocol: BusProtocol) -> dict[int, str]:
-    """Return the bits of a status that mean something, by number; a bare number is no name."""
-    names = {bit: protocol.status_names(1 << bit) for bit in range(STATUS_BITS)}
-    return {bit: n[0] for bit, n in names.items() if n and not re.fullmatch(r"bit_?\d+", n[0])}
+    """Return the bits of a status that mean something each, by number."""
+    number = error_number(protocol)
+    bits = {bit: 1 << bit for bit in range(STATUS_BITS) if not number >> bit & 1}
+    return _named(protocol, bits)
+
+
+def status_numbers(protocol: BusProtocol) -> dict[int, str]:
+    """Return what the bits of a status that are one number may say, by that number."""
+    number = error_number(protocol)
+    return _named(protocol, {n: n for n in range(1, number + 1) if not n & ~number})
+
+
+def _named(protocol: BusProtocol, of: Mapping[int, int]) -> dict[int, str]:
+    """Return the names of statuses that have one; a bare number is none."""
+    names = {key: protocol.status_names(status) for key, status in of.items()}
+    return {k: n[0] for k, n in names.items() if n and not re.fullmatch(r"(bit|error)_?\d+", n[0])}
 
 
 def headers(known: Sequence[Known]) -> tuple[bytes, bytes]:
@@ -202,12 +231,16 @@ def _directions(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
     """What looks alike both ways is told by its neighbours; these are the hard ones."""
     asking, answering = headers(known)
     names = sum(1 << bit for bit in status_bits(protocol))
+    numbers = {0, *status_numbers(protocol)}
     alike = {
         k.request.op: k.exchange.name
         for k in known
-        if 0 <= k.request.op < 256 and not k.request.op & ~names and k.request.kind == REQUEST
+        if 0 <= k.request.op < 256
+        and k.request.op & ~names in numbers
+        and k.request.kind == REQUEST
     }
-    if not (names and alike and asking and answering.startswith(asking)):
+    has_status = names or len(numbers) > 1
+    if not (has_status and alike and asking and answering.startswith(asking)):
         return
     told = {a.status for k in known for a in k.answers}
     for code, name in sorted(alike.items()):
@@ -237,8 +270,7 @@ def _registers(
     table: RegisterMap, known: Sequence[Known], scenes: Sequence[Sequence[Fact]]
 ) -> Iterator[Goal]:
     facts = [f for k in known for f in (k.request, *k.answers)] + [f for s in scenes for f in s]
-    labelled = [k for k in known if k.exchange.values is not None]
-    seen = {part for k in labelled for f in (k.request, *k.answers) for part in f.parts}
+    seen = {part for k in known for f in k.labelled for part in f.parts}
     written = [f for f in facts if f.kind == REQUEST and f.parts and f.address >= 0]
     addresses = [r.address for r in table.registers if r.address >= 0]
     for r in table.registers:

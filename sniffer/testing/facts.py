@@ -49,6 +49,7 @@ class Fact:
 class Known:
     """An exchange that is decoded as it is labelled, and what its frames are.
 
+    ``later``: what its servo says unasked once it was told to;
     ``stands_alone``: its answers are frames of their own, whatever stands before them;
     ``reads_as_command``: one of them would be a request, were it not for the one before it;
     ``holds_another``: something that begins like a frame stands inside of one.
@@ -57,6 +58,7 @@ class Known:
     exchange: Exchange
     request: Fact
     answers: tuple[Fact, ...]
+    later: tuple[Fact, ...]
     stands_alone: bool
     reads_as_command: bool
     holds_another: bool
@@ -65,6 +67,12 @@ class Known:
     def is_plain(self) -> bool:
         """Whether nothing in it could be taken for something else: it goes with others."""
         return not self.reads_as_command and not self.holds_another
+
+    @property
+    def labelled(self) -> tuple[Fact, ...]:
+        """The frames of which the talk says what they state."""
+        told = () if self.exchange.values is None else (self.request, *self.answers)
+        return told if self.exchange.later_values is None else (*told, *self.later)
 
     @property
     def servo_id(self) -> int:
@@ -97,9 +105,9 @@ def plain(e: Exchange) -> TalkCase:
 
 
 def alone(e: Exchange) -> TalkCase:
-    """Return the answers without their request, each after a silence."""
+    """Return the answers without their request, each after a silence, and what is said later."""
     case = TalkCase("answer alone", (e,))
-    for raw in e.replies:
+    for raw in (*e.replies, *e.later):
         case.silence()
         case.frame(raw, RESPONSE)
     return case
@@ -172,8 +180,10 @@ def known_of(protocol: BusProtocol, exchanges: Sequence[Exchange], model: str) -
         if k in wrong or not fits:
             continue
         # An answer that looks like a command by itself is told by its request, but stands alone.
-        stands = len(lonely[k]) == len(e.replies) > 0
+        n = max(len(lonely[k]) - len(e.later), 0)
+        stands = n == len(e.replies) > 0
         nested = bool(head) and any(head in raw[1:] for raw in (e.request, *e.replies))
-        command = any(f.kind == REQUEST for f in lonely[k])
-        out.append(Known(e, frames[k][0], tuple(frames[k][1:]), stands, command, nested))
+        command = any(f.kind == REQUEST for f in lonely[k][:n])
+        asked, *answers = frames[k]
+        out.append(Known(e, asked, tuple(answers), tuple(lonely[k][n:]), stands, command, nested))
     return out

@@ -86,8 +86,7 @@ def faults_of(
     for op in dict.fromkeys(f.op for f in every):
         mine = [f for f in every if f.op == op]
         yield from _of_command(protocol, op, mine, op in answered, op in silent)
-    valued = {name for k in known if k.exchange.values for f in (k.request, *k.answers)
-              for name, _ in f.parts}  # fmt: skip
+    valued = {name for k in known for f in k.labelled for name, _ in f.parts}
     for number, register in enumerate(table.registers, table.first):
         if register.name in valued:
             yield _off_by_one(number, register.name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import SnifferError
@@ -30,6 +30,8 @@ class Exchange:
         errors: what the answers report, as ``status_names`` has it. None: not labelled.
         later: what the servo says once more when the thing is done, unasked: frames that answer no
             request, whatever they stand behind.
+        later_values: raw values that these state, as ``values``. None: not labelled.
+        due: whether silence is a fault, whatever the servo was told before. Else it may be one.
     """
 
     name: str
@@ -38,6 +40,8 @@ class Exchange:
     values: Labels | None = None
     errors: tuple[str, ...] | None = None
     later: tuple[bytes, ...] = ()
+    later_values: Labels | None = None
+    due: bool = False
 
     @property
     def replies(self) -> tuple[bytes, ...]:
@@ -53,6 +57,14 @@ class Exchange:
     def said(self) -> bytes:
         """All of it, with what comes once more when it is done."""
         return self.data + b"".join(self.later)
+
+    @property
+    def done(self) -> Exchange:
+        """The exchange once the thing is done: what is said then is true, too."""
+        values: dict[Label, int] | None = None
+        if self.values is not None and self.later_values is not None:
+            values = dict(pair for x in (self.values, self.later_values) for pair in x.items())
+        return replace(self, values=values, errors=None)
 
 
 @dataclass(frozen=True, slots=True)

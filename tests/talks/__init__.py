@@ -6,7 +6,10 @@ table as it stands in its file, not by what the decoder makes of it.
 
 from __future__ import annotations
 
+import json
 import tomllib
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
@@ -16,7 +19,7 @@ from sniffer.testing import Exchange, Label
 from tests.vectors import vectors
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 
 ROOT: Final = Path(__file__).parents[2]
@@ -59,11 +62,17 @@ def stated(model: str, address: int, data: bytes, servo: int | None = None) -> d
 
 
 def halves(model: str) -> Iterator[tuple[int, int]]:
-    """Yield spans (address, length) that begin and end inside the registers of two bytes."""
+    """Yield spans (address, length) that begin and end inside registers, all of several bytes.
+
+    Of those of two bytes from the second byte of one to the first byte of the next; of longer ones
+    a byte inside.
+    """
     wide = [r.address for r in table(model) if r.width == 2]
     for one, following in zip(wide, [*wide[1:], None], strict=True):
         yield one + 1, 1 if following is None else following - one
-    yield wide[0], 1
+    if wide:
+        yield wide[0], 1
+    yield from ((r.address + 1, 1) for r in table(model) if r.width > 2)
 
 
 def blocks(model: str) -> Iterator[tuple[int, int]]:
@@ -88,3 +97,32 @@ def of_vectors(protocol: str) -> list[Exchange]:
         elif v.kind == "request" and v.data not in answered and not v.after:
             out.append(Exchange(v.op, v.data, None))
     return list({e.data: e for e in out}.values())
+
+
+def of_package(path: str) -> list[Exchange]:
+    """Return the examples of a package's manual: their values are held beside it, as numbers."""
+    text = (ROOT / path / "vectors.json").read_text(encoding="utf-8")
+    out = []
+    for v in json.loads(text):
+        request, *answers = map(bytes.fromhex, v["packets"])
+        if v.get("requests", 1):
+            out.append(Exchange(v["op"], request, tuple(answers)))
+    return out
+
+
+def due(exchanges: Iterable[Exchange], *names: str) -> list[Exchange]:
+    """Say that servos always answer these commands (or patterns of them)."""
+    return [replace(e, due=bool(e.answers) and _named(e, names)) for e in exchanges]
+
+
+def unanswered(exchanges: Iterable[Exchange], *names: str) -> list[list[Exchange]]:
+    """Return a scene for each of these commands: it need not be answered, and is not."""
+    first: dict[str, Exchange] = {}
+    for e in exchanges:
+        if e.answers and not e.errors and _named(e, names):
+            first.setdefault(e.name, replace(e, answers=(), errors=None, later=()))
+    return [[e] for e in first.values()]
+
+
+def _named(e: Exchange, names: Iterable[str]) -> bool:
+    return any(fnmatchcase(e.name, name) for name in names)

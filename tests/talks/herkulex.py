@@ -7,7 +7,7 @@ from operator import xor
 from typing import Final
 
 from sniffer.testing import Exchange, Label, Talk
-from tests.talks import halves, stated, table
+from tests.talks import due, halves, stated, table, unanswered
 
 MODEL: Final = "examples/protocols/herkulex/drs-0101.toml"
 EEP: Final = 0x100
@@ -152,7 +152,8 @@ ODD: Final = [
 ]
 
 TALK: Final = Talk(
-    [*READS, *WRITES, *OTHERS, *ODD],
+    due([*READS, *WRITES, *OTHERS, *ODD], "*_read", "stat"),
+    unanswered([*WRITES, *OTHERS], "*_write", "*_jog", "re*", "rollback"),
     # A packet within the data of one that is torn is a packet.
     ambiguous={
         "answer cut: ram_read": 2,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.testing import Exchange, Talk
+from tests.talks import due
 
 READS: Final = {1: "stretch", 2: "speed", 3: "current", 4: "temperature"}
 WRITES: Final = {1: "stretch", 2: "speed", 3: "current_limit", 4: "temperature_limit"}
@@ -32,19 +33,21 @@ def write(who: int, sub: int, value: int) -> Exchange:
     return Exchange("write", bytes([0xC0 | who, sub, value]), (told,), {WRITES[sub]: value}, ())
 
 
+SAID: Final = [
+    *(position(who, 7500 + 70 * who, 7499 - who) for who in (1, 2, 31)),
+    *(read(who, sub, 9 * sub + who) for who in (1, 2) for sub in READS),
+    *(write(who, sub, 7 * sub + who) for who in (1, 2) for sub in WRITES),
+    Exchange("read", b"\xa1\x00", (b"\x21\x00" + bytes(k % 16 for k in range(64)),), {}, ()),
+    Exchange("read", b"\xa2\x00", (b"\x22\x00" + bytes(64),), {}, ()),
+    Exchange("write", b"\xc1\x00" + bytes(k % 16 for k in range(64)), (b"\x41\x00",), {}, ()),
+    Exchange("write", b"\xc2\x00" + bytes(64), (b"\x42\x00",), {}, ()),
+    Exchange("id", b"\xff\x00\x00\x00", (b"\x65",), {}, ()),
+    Exchange("id", b"\xe7\x01\x01\x01", (b"\x67",), {}, ()),
+    Exchange("read", b"\xa1\x09", None),
+]
+
 TALK: Final = Talk(
-    [
-        *(position(who, 7500 + 70 * who, 7499 - who) for who in (1, 2, 31)),
-        *(read(who, sub, 9 * sub + who) for who in (1, 2) for sub in READS),
-        *(write(who, sub, 7 * sub + who) for who in (1, 2) for sub in WRITES),
-        Exchange("read", b"\xa1\x00", (b"\x21\x00" + bytes(k % 16 for k in range(64)),), {}, ()),
-        Exchange("read", b"\xa2\x00", (b"\x22\x00" + bytes(64),), {}, ()),
-        Exchange("write", b"\xc1\x00" + bytes(k % 16 for k in range(64)), (b"\x41\x00",), {}, ()),
-        Exchange("write", b"\xc2\x00" + bytes(64), (b"\x42\x00",), {}, ()),
-        Exchange("id", b"\xff\x00\x00\x00", (b"\x65",), {}, ()),
-        Exchange("id", b"\xe7\x01\x01\x01", (b"\x67",), {}, ()),
-        Exchange("read", b"\xa1\x09", None),
-    ],
+    due(SAID, "*"),
     commands=("position", "read", "write", "id"),
     model="krs",
     absent={

@@ -6,7 +6,7 @@ from typing import Final
 
 from sniffer.ground.checksums import SUM8
 from sniffer.testing import Exchange, Talk
-from tests.talks import stated
+from tests.talks import due, stated
 
 MODEL: Final = "examples/protocols/lktech/lk-mg.toml"
 STATE: Final = 0x9C0
@@ -106,7 +106,7 @@ ALONE: Final = {
 INSIDE: Final = {"write_pid_ram": 24, "write_pid_rom": 24}  # at each byte, a silence
 
 TALK: Final = Talk(
-    [*TELLS, *ODD],
+    due([*TELLS, *ODD], "*"),
     ambiguous={f"{what}: {name}": n for what, n in ALONE.items() for name, _, _ in AGAIN.values()}
     | {f"silence inside: {name}": INSIDE.get(name, 10) for name, _, _ in AGAIN.values()}
     # A packet within the data of one that is torn is a packet.

@@ -8,7 +8,7 @@ from typing import Any, Final
 from sniffer.ground.registers import schema_path
 from sniffer.protocols.lss.grammar import WORDS, command, reply
 from sniffer.testing import Exchange, Talk
-from tests.talks import of_vectors
+from tests.talks import due, of_vectors
 
 
 def _table() -> list[dict[str, Any]]:
@@ -97,7 +97,7 @@ OTHERS: Final = [
 ]
 
 TALK: Final = Talk(
-    [*of_vectors("lss"), *_queries(), *_statements(), *_modified(), *OTHERS],
+    due([*of_vectors("lss"), *_queries(), *_statements(), *_modified(), *OTHERS], "Q*"),
     commands=list(dict.fromkeys(w.name for w in WORDS.values())),
     absent={
         "* one byte less": "a line ends with a carriage return, whatever its length",

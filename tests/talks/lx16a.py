@@ -6,7 +6,7 @@ from typing import Final
 
 from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.testing import Exchange, Talk
-from tests.talks import stated
+from tests.talks import due, stated
 
 MODEL: Final = "examples/protocols/lx16a/lx-16a.toml"
 READS: Final = {  # command: name, what it is about, bytes of the answer
@@ -100,7 +100,7 @@ ODD: Final = [
 SCENES: Final = [[write(1, 7), Exchange("move_start", packet(1, 11), (), {})]]
 
 TALK: Final = Talk(
-    [*TELLS, *BRINGS, *ODD],
+    due([*TELLS, *BRINGS, *ODD], "*"),
     SCENES,
     # A checksum of 55 that is missing is what the next packet begins with: it is taken from there.
     ambiguous={"answer cut: temp_read": 1},

@@ -7,7 +7,7 @@ from typing import Final
 from sniffer.protocols.mightyzap.grammar import COMMANDS
 from sniffer.testing import Exchange, Label, Talk
 from tests.streams.mightyzap import packet
-from tests.talks import blocks, halves, of_vectors, stated
+from tests.talks import blocks, due, halves, of_vectors, stated, unanswered
 
 MODEL: Final = "mightyzap-l12"
 ECHO, LOAD, STORE, SEND, EXECUTE, RESET, RESTART, SDK_RESET, SYNC = (
@@ -146,7 +146,10 @@ OTHERS: Final = [
     odd(SYNC, b"\x86\x02\x01\x10", 254),
     odd(SYNC, b"\x86\x02\x01\x10\x02\x02", 254),
     Exchange("unknown_e5", packet(1, 0xE5, b"\x01"), (packet(1, 0x40),), {}, ("instruction",)),
-    Exchange("unknown_e5", packet(1, 0xE5, b"\x01"), (packet(1, 0),), {}, ()),
+    *(
+        Exchange("unknown_e5", packet(who, 0xE5, b"\x01"), (packet(who, 0),), {}, ())
+        for who in (1, 2)
+    ),
     Exchange("unknown_80", packet(254, 0x80), (), {}),
 ]
 
@@ -167,8 +170,8 @@ SCENES: Final = [
 ]
 
 TALK: Final = Talk(
-    [*of_vectors("mightyzap"), *READS, *WRITES, *OTHERS],
-    SCENES,
+    due([*of_vectors("mightyzap"), *READS, *WRITES, *OTHERS], "load_data", "echo"),
+    [*SCENES, *unanswered([*WRITES, *OTHERS], "[!el]*", "execution")],
     commands=[c.name for c in COMMANDS.values()],
     # An error byte 73 with data that make a symmetric store is told by the request right before it;
     # and of data that hold a packet, the packet comes to light where the frame around it breaks.

@@ -6,7 +6,7 @@ from typing import Final
 
 from sniffer.ground.checksums import SUM8
 from sniffer.testing import Exchange, Talk
-from tests.talks import stated
+from tests.talks import due, stated, unanswered
 
 MODEL: Final = "examples/protocols/mks/servo42d.toml"
 READS: Final = {  # command: name, whether the table has what is answered, that
@@ -102,21 +102,24 @@ def renamed(who: int, new: int) -> Exchange:
     return Exchange("set_address", request, (told,), said, ())
 
 
+SAID: Final = [
+    *(read(who, code) for who in (1, 2) for code in READS),
+    *(set_(who, code) for who in (1, 2) for code in SETS),
+    *(act(who, code) for who in (1, 2) for code in ACTS),
+    *(move(1, code) for code in MOVES),
+    *(move(2, code, b"\2" if code == 0xF6 else b"\3") for code in MOVES),
+    to_all(0xF3, *SETS[0xF3]),
+    to_all(0xFE, *MOVES[0xFE]),
+    renamed(1, 3),
+    Exchange("restore", packet(2, 0x3F), (answer(1, 0x3F, b"\1"),), {}, ()),
+    read(3, 0x33, packet(1, 0x3E)),
+    read(3, 0x30, b"\xfa\1\2\3\4\xfa"),
+    read(3, 0x39, b"\0\0\xfa\xfa"),
+]
+
 TALK: Final = Talk(
-    [
-        *(read(who, code) for who in (1, 2) for code in READS),
-        *(set_(who, code) for who in (1, 2) for code in SETS),
-        *(act(who, code) for who in (1, 2) for code in ACTS),
-        *(move(1, code) for code in MOVES),
-        *(move(2, code, b"\2" if code == 0xF6 else b"\3") for code in MOVES),
-        to_all(0xF3, *SETS[0xF3]),
-        to_all(0xFE, *MOVES[0xFE]),
-        renamed(1, 3),
-        Exchange("restore", packet(2, 0x3F), (answer(1, 0x3F, b"\1"),), {}, ()),
-        read(3, 0x33, packet(1, 0x3E)),
-        read(3, 0x30, b"\xfa\1\2\3\4\xfa"),
-        read(3, 0x39, b"\0\0\xfa\xfa"),
-    ],
+    due(SAID, "read_*"),
+    unanswered(SAID, "[!r]*", "run", "re[ls]*"),
     ambiguous={
         # The sum of that answer is FA: where it is cut off, the next request brings it.
         "answer cut: move_pulses_by": 1,

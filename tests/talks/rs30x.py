@@ -7,7 +7,7 @@ from typing import Final
 from sniffer.protocols.rs30x.grammar import OPS, REPLIES
 from sniffer.testing import Exchange, Label, Talk
 from tests.streams.rs30x import long, packet, reset_with_data, returned, write
-from tests.talks import blocks, halves, of_vectors, stated
+from tests.talks import blocks, due, halves, of_vectors, stated
 
 MODEL: Final = "rs305cr"
 EVERYONE: Final = 255
@@ -128,7 +128,7 @@ ORDERS: Final = [
 ]
 
 TALK: Final = Talk(
-    [*of_vectors("rs30x"), *READS, *WRITES, *ORDERS],
+    due([*of_vectors("rs30x"), *READS, *WRITES, *ORDERS], "*"),
     commands=[name for name in OPS.values() if name not in ("return", "ack")],
     # Of data that hold a packet, the packet comes to light where the frame around it breaks.
     # A packet cut before a sum FA takes that from the next header.

@@ -8,7 +8,7 @@ from sniffer.protocols.wck.controller import TYPES
 from sniffer.protocols.wck.grammar import OPS
 from sniffer.testing import Exchange, Label, Talk
 from tests.streams.wck import command, rbc
-from tests.talks import of_vectors
+from tests.talks import due, of_vectors
 
 SET: Final = 0xE0
 ANY: Final = b"\0\0"
@@ -137,7 +137,7 @@ CONTROLLER: Final = [
 ]
 
 TALK: Final = Talk(
-    [*of_vectors("wck"), *MOVES, *SETS, *CONTROLLER],
+    [*due([*of_vectors("wck"), *MOVES, *SETS], "*"), *CONTROLLER],
     commands=[
         *(op.name for op in OPS if op.name != "unknown"),
         *(f"rbc_{name}" for name in TYPES.values()),
