@@ -112,8 +112,11 @@ def _commands(names: Sequence[str], known: Sequence[Known]) -> Iterator[Goal]:
 
 
 def _replies(names: Sequence[str], known: Sequence[Known], unanswered: set[str]) -> Iterator[Goal]:
-    """What silence means is told by silence only: of answers no two classes of reply differ."""
-    for name in names:
+    """What silence means is told by silence only: of answers no two classes of reply differ.
+
+    It is asked of a talk that says of any exchange what silence means there.
+    """
+    for name in names if any(k.exchange.due for k in known) else ():
         mine = [k for k in known if k.exchange.name == name and k.answers]
         replies = {k.request.reply for k in mine}
         if replies & {MUST, IF_READ}:
