@@ -234,7 +234,7 @@ class DeviceRules(Remembering):
         for i in np.flatnonzero(told).tolist():
             r = self._known.effects[int(v.register[i])]
             who, raw, at = int(v.servo_id[i]), int(v.raw[i]), self._at(batch, int(v.row[i]))
-            is_one = who not in self._protocol.everyone
+            is_one = who not in self._protocol.everyone or who == 0  # 0 may be a servo's, too
             whom = f"servo {who} was" if is_one else f"all servos ({who}) were"
             if r.effect == "servo_id":
                 if raw != who:
