@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.comparing import header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
 from sniffer.diagnosis.hasty import ends_of_requests
 from sniffer.diagnosis.heard import heard
@@ -211,7 +212,7 @@ def _varies(since: Sequence[int]) -> float:
 def _traces(case: Case) -> Sequence[TornPlace]:
     """Return places whose time is known: torn ones, and second answers."""
     torn = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
-    no_traces = set().union(*heard(case), ends_of_requests(case))
+    no_traces = set().union(*heard(case), ends_of_requests(case), _begun_requests(case))
     places = [d for d in torn if d.at not in no_traces]
     within, headed = named_within(case), named_by_header(case)
     # what names the servo asked, and stands before its whole answer, is one of two answers of it
@@ -242,6 +243,13 @@ def _traces(case: Case) -> Sequence[TornPlace]:
         *(_named(s) for s in whole if _names(case, s)),
         *_less_steady(unnamed, grid_ns(case)),
     ]
+
+
+def _begun_requests(case: Case) -> Iterator[int]:
+    """Yield where what is torn begins as all requests do, and no bare answer."""
+    known = case.ledger.exchanges.kinds.requests
+    if case.has_bare_answers and (size := header_of(known) if known else 0):
+        yield from (d.at for d in case.damages if d.got[:size] == known[0][:size])
 
 
 def _names(case: Case, s: SecondAnswer) -> bool:
