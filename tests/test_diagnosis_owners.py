@@ -290,3 +290,20 @@ def test_requests_hit_by_a_pulse_now_and_then_are_not_the_work_of_the_servo_befo
 
     told = robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
     assert "answers-twice" not in codes(told)
+
+
+def test_a_goal_that_begins_a_request_in_the_middle_is_no_second_answer() -> None:
+    """A goal of 255 is FF, with which each request of wCK begins: it is one and a half of them."""
+    talk, rng = Conversation("wck"), random.Random(3)
+    for cycle in range(200):
+        talk.rest(rng.uniform(1, 5))  # as long as the program happens to take
+        for servo in (0, 1, 2):
+            talk.rest(rng.uniform(0.1, 0.5))
+            talk.read(servo, swinging(servo, talk.now_s))
+        for servo in (1, 0, 2):
+            goal = 255 if servo == 1 and cycle % 18 == 3 else 60 + cycle % 90
+            talk.say(bytes((0xFF, 0x20 | servo, goal, ((0x20 | servo) ^ goal) & 0x7F)))
+            talk.rest(rng.uniform(0.3, 0.5))
+            talk.say(bytes((0x18, 60 + cycle % 90)))
+            talk.rest(rng.uniform(0.3, 0.6))
+    assert owner_of(talk) is None
