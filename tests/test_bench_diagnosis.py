@@ -147,7 +147,7 @@ def some_scenarios() -> list[Scenario]:
     return out
 
 
-@each_in_turn(2, "scenario", some_scenarios(), ids=lambda s: s.name)
+@each_in_turn(4, "scenario", some_scenarios(), ids=lambda s: s.name)
 def test_a_scenario_is_traffic_in_order_and_the_same_for_the_same_seed(scenario: Scenario) -> None:
     heard = scenario.make(5)
     assert sum(len(h.wire) for h in heard) > 100

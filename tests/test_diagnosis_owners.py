@@ -16,6 +16,7 @@ from sniffer.simulation import Fault, simulate
 from sniffer.simulation.render import usb_reads
 from tests.conversations import MS, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
+from tests.lists import in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -227,6 +228,7 @@ def behind(protocol: str, whose: int) -> Conversation:
     return robot(protocol, 12, servos=SERVOS, instead=instead, goals=False)
 
 
+@in_turn(3)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
 @pytest.mark.parametrize("host", ["exact", "usb", "none"])
 def test_all_that_is_torn_behind_one_servos_answers_is_its_second_ones_work(

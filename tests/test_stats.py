@@ -28,6 +28,7 @@ from sniffer.statistics.flat import COLUMNS, rows
 from sniffer.statistics.told import as_dict
 from tests.commands import Ran, within
 from tests.golden import CAPTURES, captures
+from tests.lists import in_turn
 from tests.recordings import talk
 from tests.streams.mightyzap import packet
 
@@ -99,6 +100,7 @@ def exchange(
     return [Chunk(ask, t, Clock.SAMPLE), Chunk(answer, then, Clock.SAMPLE)]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
 def test_what_is_told_is_as_the_schema_has_it_and_every_byte_is_accounted_for(
     stats: Counting, capture: Path
@@ -331,6 +333,7 @@ def test_a_table_has_a_row_a_figure_and_all_figures_of_the_json(stats: Counting)
     }
 
 
+@in_turn(3)
 @pytest.mark.parametrize("width", [40, 80, 140])
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
 def test_the_text_keeps_within_the_terminal_and_cuts_no_word(

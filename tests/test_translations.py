@@ -97,7 +97,7 @@ def altered(chunks: list[Chunk], alter: Alter) -> list[Chunk]:
     return [replace(first, data=data[k : k + 256]) for k in range(0, len(data), 256)]
 
 
-@in_turn(2)
+@in_turn(3)
 @pytest.mark.parametrize(("told", "protocol", "alter"), CASES, ids=named)
 def test_what_altered_a_capture_is_named_and_nobody_else_is_accused(
     told: str, protocol: str, alter: Alter

@@ -15,7 +15,7 @@ from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from tests import heard
-from tests.lists import thinned, walks_a_list
+from tests.lists import in_turn, thinned, walks_a_list
 from tests.records import batches, records
 from tests.streams.wck import any_command, command
 
@@ -108,6 +108,7 @@ def edge(data1: int, data2: int, fill: int) -> bytes:
     return command(data1, data2, bytes(rest)) + bytes([fill, 1])
 
 
+@in_turn(2)
 @walks_a_list
 @pytest.mark.parametrize("mode", range(8))
 @pytest.mark.parametrize("fill", [0, 0xFF])
