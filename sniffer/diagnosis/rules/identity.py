@@ -60,9 +60,8 @@ def old_ids(case: Case) -> Iterator[Finding]:
             if servo == new:
                 continue
             asked, ok, first, last = _since(case, servo, t)
-            if (
-                ok
-            ):  # what is kept without power may become true with the next start only, as LSS has it
+            if ok:
+                # what is kept without power may be true with the next start only, as LSS has it
                 spells = case.ledger.silences.of(servo)
                 late = [s for s in spells if s.back_ns is None and s.first_ns >= t]
                 if not late:
