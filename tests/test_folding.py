@@ -10,6 +10,7 @@ import pytest
 
 from tests.commands import within
 from tests.golden import CAPTURES
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,6 +21,7 @@ WCK = str(CAPTURES / "wck_damaged.log")
 ZAP = str(CAPTURES / "mightyzap_damaged.log")
 
 
+@in_turn(3)
 @pytest.mark.parametrize(
     "asked",
     [
