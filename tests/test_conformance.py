@@ -45,6 +45,6 @@ def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
 
 
 def test_servos_of_the_other_table_state_their_numbers_with_the_high_byte_first() -> None:
-    other = Talk(feetech.of_table(feetech.speaks("scs009")), model="scs009")
+    other = Talk(feetech.speaks("scs009").table(), model="scs009")
     first = next(c for c in checks(example("feetech").PROTOCOL, other) if "answered" in c.name)
     first()

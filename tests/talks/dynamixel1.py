@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.testing import Exchange, Talk
-from tests.talks import blocks, halves
 from tests.talks.status_packets import (
     ACTION,
     ALL,
     BULK_READ,
+    NAMES,
     PING,
     READ,
     REBOOT,
@@ -22,24 +22,14 @@ from tests.talks.status_packets import (
     packet,
 )
 
-NAMES: Final = {
-    PING: "ping",
-    READ: "read",
-    WRITE: "write",
-    REG: "reg_write",
-    ACTION: "action",
-    RESET: "factory_reset",
-    REBOOT: "reboot",
-    SYNC_WRITE: "sync_write",
-    BULK_READ: "bulk_read",
-}
+INSTRUCTIONS: Final = NAMES | {RESET: "factory_reset", REBOOT: "reboot", BULK_READ: "bulk_read"}
 ERRORS: Final = (
     *("input_voltage", "angle_limit", "overheating", "range", "checksum", "overload"),
     "instruction",
 )
 HEADER: Final = b"\xff\xff"
 SAY: Final = ByAddress(
-    "examples/protocols/dynamixel1/mx-28.toml", NAMES, flags(*ERRORS), refusals=0x58
+    "examples/protocols/dynamixel1/mx-28.toml", INSTRUCTIONS, flags(*ERRORS), refusals=0x58
 )
 read, write, plain, odd = SAY.read, SAY.write, SAY.plain, SAY.odd
 
@@ -51,19 +41,14 @@ def bulk(*targets: tuple[int, int, bytes]) -> Exchange:
 
 
 READS: Final = [
-    *(read(1, address, bytes(k * 7 % 251 for k in range(n))) for address, n in blocks(SAY.model)),
-    *(read(1, address, bytes(k * 5 % 251 for k in range(n))) for address, n in halves(SAY.model)),
+    *SAY.table(),
     *(read(who, 0x24, b"\x10\x02") for who in (1, 2, 3)),
     *(read(who, 0x2B, b"\x20") for who in (1, 2)),
     *(read(1, 0x24, b"\x10\x02\x05", 1 << bit) for bit in range(7)),
     *(read(1, 0x24, b"\x10\x02", status) for status in (READ, WRITE, REG)),
     *(read(2, 0x24, b"\x10\x02\x00\x01", status) for status in (PING, ACTION, RESET, REBOOT)),
     read(1, 0x00, bytes(253)),
-    # what looks like the next packet
-    read(1, 0x1E, HEADER + b"\x01\x02"),
-    read(1, 0x1E, b"\x01" + HEADER + b"\x01\x02"),
-    read(1, 0x1E, b"\x01\x02\x03" + HEADER),
-    read(1, 0x1E, packet(1, PING)),
+    *SAY.like_packets(0x1E, HEADER),
     read(1, 0x1E, b"\xfa\x00\x00"),
     SAY.read_failed(1, 0x24, 2, 8),
     SAY.read_failed(2, 0x24, 2, 0x20),

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.crc import Crc16
 from sniffer.testing import Exchange, Talk
-from tests.talks import blocks, halves, of_package, stated
+from tests.talks import of_package, stated
 from tests.talks.status_packets import (
     ACTION,
     ALL,
     BULK_READ,
+    NAMES,
     PING,
     READ,
     REBOOT,
@@ -27,18 +28,12 @@ if TYPE_CHECKING:
 
 PACKAGE: Final = "examples/protocols/dynamixel2"
 CLEAR, BACKUP, FAST_SYNC, BULK_WRITE, FAST_BULK = 0x10, 0x20, 0x8A, 0x93, 0x9A
-NAMES: Final = {
-    PING: "ping",
-    READ: "read",
-    WRITE: "write",
-    REG: "reg_write",
-    ACTION: "action",
+INSTRUCTIONS: Final = NAMES | {
     RESET: "factory_reset",
     REBOOT: "reboot",
     CLEAR: "clear",
     BACKUP: "control_table_backup",
     SYNC_READ: "sync_read",
-    SYNC_WRITE: "sync_write",
     FAST_SYNC: "fast_sync_read",
     BULK_READ: "bulk_read",
     BULK_WRITE: "bulk_write",
@@ -76,7 +71,7 @@ def errors(error: int) -> tuple[str, ...]:
 
 SAY: Final = ByAddress(
     f"{PACKAGE}/xm430-w210.toml",
-    NAMES,
+    INSTRUCTIONS,
     errors,
     refusals=0x7F,
     packet=packet,
@@ -125,15 +120,14 @@ def fast(code: int, *targets: tuple[int, int, int, bytes]) -> Exchange:
     parts = [bytes([error, servo]) + data for servo, _, error, data in targets]
     answer = packet(ALL, 0x55, b"\x12\x34".join(parts), stuffed=False)
     return Exchange(
-        NAMES[code], packet(ALL, code, params), (answer,), labels, errors(targets[0][2])
+        INSTRUCTIONS[code], packet(ALL, code, params), (answer,), labels, errors(targets[0][2])
     )
 
 
 POSITION: Final = b"\xa6\x00\x00\x00"
 GOAL: Final = b"\x00\x02\x00\x00"
 READS: Final = [
-    *(read(1, address, bytes(k * 7 % 251 for k in range(n))) for address, n in blocks(SAY.model)),
-    *(read(1, address, bytes(k * 5 % 251 for k in range(n))) for address, n in halves(SAY.model)),
+    *SAY.table(),
     *(read(who, 132, POSITION) for who in (1, 2, 3)),
     *(read(who, 146, b"\x24") for who in (1, 2)),
     *(read(1, 132, POSITION, error) for error in (*range(1, 8), ALERT, ALERT | 4)),

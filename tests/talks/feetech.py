@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.testing import Exchange, Talk
-from tests.talks import blocks, halves, of_package
+from tests.talks import of_package
 from tests.talks.status_packets import (
     ACTION,
     ALL,
+    NAMES,
     PING,
     READ,
     REG,
@@ -22,16 +23,7 @@ from tests.talks.status_packets import (
 )
 
 PACKAGE: Final = "examples/protocols/feetech"
-NAMES: Final = {
-    PING: "ping",
-    READ: "read",
-    WRITE: "write",
-    REG: "reg_write",
-    ACTION: "action",
-    RESET: "reset",
-    SYNC_READ: "sync_read",
-    SYNC_WRITE: "sync_write",
-}
+INSTRUCTIONS: Final = NAMES | {RESET: "reset", SYNC_READ: "sync_read"}
 ERRORS: Final = ("voltage", "encoder", "temperature", "current", "", "overload")
 """The state of the servo (memory table, address 65): nothing in it says that a write is refused."""
 HEADER: Final = b"\xff\xff"
@@ -39,7 +31,7 @@ HEADER: Final = b"\xff\xff"
 
 def speaks(model: str) -> ByAddress:
     """Return what is said to servos of one model."""
-    return ByAddress(f"{PACKAGE}/{model}.toml", NAMES, flags(*ERRORS))
+    return ByAddress(f"{PACKAGE}/{model}.toml", INSTRUCTIONS, flags(*ERRORS))
 
 
 SAY: Final = speaks("sts3215")
@@ -47,33 +39,15 @@ read, write, plain, odd = SAY.read, SAY.write, SAY.plain, SAY.odd
 GOAL: Final = b"\x00\x08\x00\x00\xe8\x03"
 
 
-def of_table(say: ByAddress) -> list[Exchange]:
-    """Read all registers of a model, whole and in halves."""
-    return [
-        *(
-            say.read(1, address, bytes(k * 7 % 251 for k in range(n)))
-            for address, n in blocks(say.model)
-        ),
-        *(
-            say.read(1, address, bytes(k * 5 % 251 for k in range(n)))
-            for address, n in halves(say.model)
-        ),
-    ]
-
-
 READS: Final = [
-    *of_table(SAY),
+    *SAY.table(),
     *(read(who, 0x38, b"\x10\x02") for who in (1, 2, 3)),
     *(read(who, 0x3F, b"\x20") for who in (1, 2)),
     *(read(1, 0x38, b"\x10\x02\x05", 1 << bit) for bit in (0, 1, 2, 3, 5)),
     *(read(1, 0x38, b"\x10\x02", status) for status in (READ, WRITE, REG)),
     *(read(2, 0x38, b"\x10\x02\x00\x01", status) for status in (PING, ACTION, RESET)),
     read(1, 0x00, bytes(253)),
-    # what looks like the next packet
-    read(1, 0x2A, HEADER + b"\x01\x02"),
-    read(1, 0x2A, b"\x01" + HEADER + b"\x01\x02"),
-    read(1, 0x2A, b"\x01\x02\x03" + HEADER),
-    read(1, 0x2A, packet(1, PING)),
+    *SAY.like_packets(0x2A, HEADER),
     read(1, 0x2A, b"\xfa\x00\x00"),
     SAY.read_failed(1, 0x38, 2, 8),
     SAY.read_failed(2, 0x38, 2, 0x20),

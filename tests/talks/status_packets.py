@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.testing import Exchange
-from tests.talks import stated
+from tests.talks import blocks, halves, stated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -17,6 +17,15 @@ if TYPE_CHECKING:
 PING, READ, WRITE, REG, ACTION, RESET = range(1, 7)
 REBOOT, SYNC_READ, SYNC_WRITE, BULK_READ = 8, 0x82, 0x83, 0x92
 ALL: Final = 254
+NAMES: Final = {
+    PING: "ping",
+    READ: "read",
+    WRITE: "write",
+    REG: "reg_write",
+    ACTION: "action",
+    SYNC_WRITE: "sync_write",
+}
+"""What all of them call alike."""
 
 
 def packet(who: int, code: int, params: bytes = b"") -> bytes:
@@ -64,6 +73,18 @@ class ByAddress:
         request = self.say(who, READ, self.number(address) + self.number(len(data)))
         answer = self.status(who if by is None else by, status, data)
         return Exchange("read", request, (answer,), labels, self.errors(status), due=True)
+
+    def table(self) -> list[Exchange]:
+        """Read all registers of the model, whole and in halves."""
+        whole = [(at, bytes(k * 7 % 251 for k in range(n))) for at, n in blocks(self.model)]
+        parts = [(at, bytes(k * 5 % 251 for k in range(n))) for at, n in halves(self.model)]
+        return [self.read(1, at, data) for at, data in whole + parts]
+
+    def like_packets(self, address: int, header: bytes) -> list[Exchange]:
+        """Read what looks like the next packet, whole or in part, wherever in the data."""
+        asked = self.packet(1, PING, b"")
+        behind = b"\x01" + header + b"\x01\x02", b"\x01\x02\x03" + header
+        return [self.read(1, address, data) for data in (header + b"\x01\x02", *behind, asked)]
 
     def read_failed(self, who: int, address: int, length: int, status: int) -> Exchange:
         """Read registers; an error without any data answers."""
