@@ -5,29 +5,25 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.ground.files import occupied
 from sniffer.ground.model import InputError, OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
-    from types import TracebackType
 
 
 class Aside:
-    """Holds files that are replaced; they are back where an input was refused, and gone else.
-
-    So they are where the one output could not be written to its end. What was decoded of one bus is
-    not given up for them where another one's protocol is unknown.
-    """
+    """Files that are about to be replaced, where nobody sees them."""
 
     def __init__(self) -> None:
         self._held: list[tuple[Path, Path]] = []
         self._new: list[Path] = []
-        self._count = 0
+        self.outputs = 0
+        """How many files are written."""
 
     def take(self, files: Iterable[Path]) -> None:
         """Move the files that hold something out of the way; a link leads to where it did.
@@ -35,7 +31,7 @@ class Aside:
         Where a folder lets none be moved, one is written over as it stands.
         """
         files = [*files]
-        self._count += len(files)
+        self.outputs += len(files)
         self._new += [file for file in files if not file.exists()]
         for file in filter(occupied, files):
             path = file.resolve()
@@ -52,24 +48,35 @@ class Aside:
             path.unlink(missing_ok=True)
         self._held.clear()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        is_refused = isinstance(error, InputError) and not _is_in_part(error)
-        # of several, who knows which; the others are whole
-        if is_refused or (isinstance(error, OutputError) and self._count == 1):
-            self.restore()
+    def drop(self) -> None:
+        """Delete them: others stand in their place, which whoever might read them may read."""
         for path, held in self._held:
             with contextlib.suppress(OSError):
                 shutil.copymode(held, path)
             held.unlink(missing_ok=True)
 
 
-def _is_in_part(error: InputError) -> bool:
-    return isinstance(error, UndecidedError) and error.others
+@contextlib.contextmanager
+def kept_aside() -> Iterator[Aside]:
+    """Give what keeps files; they are back where an input is refused, and gone else.
+
+    So they are where the one output cannot be written to its end: of several nobody knows which,
+    and the others are whole. What was decoded of one bus is not given up for them where another
+    one's protocol is unknown.
+    """
+    aside = Aside()
+    try:
+        yield aside
+    except UndecidedError as error:
+        if not error.others:
+            aside.restore()
+        raise
+    except InputError:
+        aside.restore()
+        raise
+    except OutputError:
+        if aside.outputs == 1:
+            aside.restore()
+        raise
+    finally:
+        aside.drop()

@@ -13,7 +13,7 @@ from sniffer.ground.files import STDIN, TABLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
-from sniffer.jobs.aside import Aside
+from sniffer.jobs.aside import kept_aside
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
@@ -153,7 +153,7 @@ def convert_opened(
     if asked is not None:
         asked = asked.sought_in(opened, options)
     told = session_facts(opened.origin(joined(inputs)), options, facts)
-    with Aside() as aside:
+    with kept_aside() as aside:
         decoded, raw = open_all(
             outputs,
             told,

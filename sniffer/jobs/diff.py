@@ -12,7 +12,7 @@ from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.wording import Sentence, and_, counted
-from sniffer.jobs.aside import Aside
+from sniffer.jobs.aside import kept_aside
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -173,7 +173,7 @@ def diff(
     is_whole = selection is None or set(selection.columns) == {"bus"}
     told: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        aside = stack.enter_context(Aside())
+        aside = stack.enter_context(kept_aside())
         if output is not None:
             from sniffer.sinks.rerun.overlay import OverlaidSink
 

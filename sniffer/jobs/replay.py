@@ -21,7 +21,7 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
-from sniffer.jobs.aside import Aside
+from sniffer.jobs.aside import kept_aside
 from sniffer.jobs.asked import Extract, refuse_part_of
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.order import merged
@@ -225,7 +225,7 @@ def replay(
         pausing = functools.partial(_pause, sink)
         groups = paced(steps(timed(chunks, baud)), speed, ends=ends, pausing=pausing)
         session = session_facts(opened.origin(joined(inputs)), options, facts)
-        with Aside() as aside:
+        with kept_aside() as aside:
             decoded, raw = open_all(
                 outputs, session, [*map(str, inputs)], force=overwrite, aside=aside
             )
