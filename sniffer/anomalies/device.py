@@ -13,6 +13,7 @@ from sniffer.anomalies.rules import anomaly, of_frames
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
 from sniffer.ground.memory import Remembering
+from sniffer.protocols.ids import shared_ids
 from sniffer.protocols.reports import error_number, meaning_of
 
 if TYPE_CHECKING:
@@ -231,11 +232,11 @@ class DeviceRules(Remembering):
             return
         told &= v.accepted & (v.part == WHOLE)
         told &= batch.frames.kind[v.row] == REQUEST
+        shared = shared_ids(self._protocol)
         for i in np.flatnonzero(told).tolist():
             r = self._known.effects[int(v.register[i])]
             who, raw, at = int(v.servo_id[i]), int(v.raw[i]), self._at(batch, int(v.row[i]))
-            is_one = who not in self._protocol.everyone or who == 0  # 0 may be a servo's, too
-            whom = f"servo {who} was" if is_one else f"all servos ({who}) were"
+            whom = f"all servos ({who}) were" if who in shared else f"servo {who} was"
             if r.effect == "servo_id":
                 if raw != who:
                     text = f"{whom} given the id {raw}"

@@ -9,6 +9,7 @@ from sniffer.anomalies.rules import anomaly
 from sniffer.ground.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
 from sniffer.ground.memory import Remembering
 from sniffer.ground.registers import unseen_scale
+from sniffer.protocols.ids import shared_ids
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -134,5 +135,5 @@ class ModelRules(Remembering):
 
 def _option(protocol: BusProtocol, servo: int, model: str) -> str:
     """Return the option that names a model; an id that only addresses all names none."""
-    is_one = servo not in protocol.everyone or servo == 0  # 0 may be the id of a servo, too
+    is_one = servo not in shared_ids(protocol)
     return f"`--model {servo}={model}`" if is_one else f"`--model {model}`"
