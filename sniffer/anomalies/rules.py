@@ -23,7 +23,7 @@ from sniffer.ground.model import (
     Clock,
     Direction,
 )
-from sniffer.ground.wording import counted, sum_digits
+from sniffer.ground.wording import counted, sums_in_hex
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -40,13 +40,6 @@ def anomaly(
     known = CATALOGUE[code]
     who = None if servo_id < 0 else servo_id
     return Anomaly(t_ns, known.severity, known.group, code, who, detail, evidence)
-
-
-def _sums(expected: Any, got: Any) -> tuple[str, str]:
-    both = expected, got
-    digits = sum_digits(*(value for value in both if isinstance(value, int)))
-    first, last = (f"{v:0{digits}X}" if isinstance(v, int) else str(v) for v in both)
-    return first, last
 
 
 SHOWN: Final = 24
@@ -119,7 +112,9 @@ def _gap_text(
     """Return a sentence up to the bytes; numbers as in ``Gaps``, ``detail`` of what has none."""
     match kind:
         case gaps.CHECKSUM:
-            should, sent = _sums(expected, got)
+            both = expected, got  # a plug-in may tell them as it likes
+            told = sums_in_hex(*both) if all(isinstance(v, int) for v in both) else both
+            should, sent = told
             return f"checksum should be {should} but is {sent} in "
         case gaps.DAMAGED:
             beside = ("fields", gaps.ERRORS_HERE)

@@ -14,7 +14,7 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import OUTCOMES, WHOLE
 from sniffer.ground.model import Batch, Chunk
 from sniffer.ground.units import word_of
-from sniffer.ground.wording import sum_digits
+from sniffer.ground.wording import sums_in_hex
 from sniffer.protocols.base import BusProtocol, FieldSpan, view
 
 if TYPE_CHECKING:
@@ -160,18 +160,22 @@ def _meant(raw: bytes, protocol: BusProtocol, gap: Gap) -> tuple[tuple[FieldSpan
 
 def _told(detail: Mapping[str, Any]) -> Iterator[str]:
     """Yield what is known of bytes that are no frame, a line each."""
-    sums = [v for k, v in detail.items() if k.startswith("checksum") and isinstance(v, int)]
-    digits = sum_digits(*sums)
+    told = detail_in_words(detail)
     for key, value in detail.items():
         title = key.replace("_", " ")
         if isinstance(value, Mapping):
             yield f"  {title}, as they were read:"
             for name, entry in value.items():
                 yield f"    {name.replace('_', ' ')}: {in_words(entry)}"
-        elif key.startswith("checksum") and isinstance(value, int):
-            yield f"  {title}: {value:0{digits}X}"
         else:
-            yield f"  {title}: {in_words(value)}"
+            yield f"  {title}: {told[key]}"
+
+
+def detail_in_words(detail: Mapping[str, Any]) -> dict[str, str]:
+    """Return the details of a gap as people read them, checksums in hex."""
+    sums = {k: v for k, v in detail.items() if k.startswith("checksum") and isinstance(v, int)}
+    in_hex = zip(sums, sums_in_hex(*sums.values()), strict=True)
+    return {k: in_words(v) for k, v in detail.items()} | dict(in_hex)
 
 
 def in_words(value: Any) -> str:
@@ -205,6 +209,5 @@ def _checksum(protocol: BusProtocol, raw: bytes) -> str:
         return ""
     checksum, body, got = found
     shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
-    should = checksum(body)
-    digits = sum_digits(should, got)
-    return f"{checksum.formula} of [{shown}] = {should:0{digits}X}, sent {got:0{digits}X}"
+    should, sent = sums_in_hex(checksum(body), got)
+    return f"{checksum.formula} of [{shown}] = {should}, sent {sent}"

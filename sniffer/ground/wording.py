@@ -46,13 +46,13 @@ def and_(words: list[str]) -> str:
 
 def sums_in_words(got: int, expected: int) -> str:
     """Return what a checksum is and should be, both of as many digits."""
-    digits = sum_digits(got, expected)
-    return f"{got:0{digits}X} not {expected:0{digits}X}"
+    return " not ".join(sums_in_hex(got, expected))
 
 
-def sum_digits(*sums: int) -> int:
-    """Return how many hex digits checksums are written with, all alike."""
-    return 4 if max(sums, default=0) > 0xFF else 2
+def sums_in_hex(*sums: int) -> list[str]:
+    """Return checksums as they are written, all with as many digits."""
+    digits = 4 if max(sums, default=0) > 0xFF else 2
+    return [f"{value:0{digits}X}" for value in sums]
 
 
 def offered(word: str, known: Iterable[str]) -> str:

@@ -5,14 +5,13 @@ Boxes flow from line to line, so that a frame can be read on a phone and on pape
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.drawing import in_words
-from sniffer.ground.wording import sum_digits
+from sniffer.decoding.drawing import detail_in_words
 from sniffer.reports.markup import Markup, joined, tag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from sniffer.decoding.drawing import Drawn
     from sniffer.protocols.base import FieldSpan
@@ -33,8 +32,8 @@ def drawing(piece: Drawn) -> Markup:
     if piece.outcome not in ("", "ok"):
         told.append(f"exchange: {piece.outcome}")
     if piece.known and not piece.spans:
-        digits = _digits(piece.known)
-        told += [f"{k.replace('_', ' ')}: {_known(k, v, digits)}" for k, v in piece.known.items()]
+        known = detail_in_words(piece.known)
+        told += [f"{k.replace('_', ' ')}: {v}" for k, v in known.items()]
     if told:
         lines.append(tag("ul", *(tag("li", line) for line in told), cls="known"))
     title = tag("p", tag("b", piece.title), f" at byte {piece.offset}", cls="piece")
@@ -59,8 +58,8 @@ def _field(piece: Drawn, span: FieldSpan) -> Markup:
         return _box(raw, span.name, "holds", piece.checksum)
     if span.name != piece.wrong or piece.known is None:
         return _box(raw, span.name, span.value, span.note)
-    expected = piece.known.get("checksum_expected", 0)
-    return _box(raw, span.name, f"should be {expected:0{_digits(piece.known)}X}", wrong=True)
+    expected = detail_in_words(piece.known).get("checksum_expected", "00")
+    return _box(raw, span.name, f"should be {expected}", wrong=True)
 
 
 def _box(raw: bytes, name: str, value: str, note: str = "", *, wrong: bool = False) -> Markup:
@@ -78,14 +77,3 @@ def _box(raw: bytes, name: str, value: str, note: str = "", *, wrong: bool = Fal
         cls="box wrong" if wrong else "box",
         title=", ".join(t for t in (name, value, note) if t) or None,
     )
-
-
-def _digits(known: Mapping[str, Any]) -> int:
-    sums = (v for k, v in known.items() if k.startswith("checksum") and isinstance(v, int))
-    return sum_digits(*sums)
-
-
-def _known(key: str, value: object, digits: int) -> str:
-    if key.startswith("checksum") and isinstance(value, int):
-        return f"{value:0{digits}X}"
-    return in_words(value)
