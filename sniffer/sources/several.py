@@ -72,8 +72,7 @@ class SeveralSources(Source):
         owners, joints = BusOwners(), _Joints()
 
         def heard(part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
-            owners.follow(part, group)
-            return joints.told(part, [c for c in group if not owners.is_over(part, c)])
+            return joints.told(part, owners.follow(part, group))
 
         yield from read(damage, heard)
         for part in self._parts:
@@ -244,15 +243,16 @@ class BusOwners:
         self._newest: dict[str, tuple[Source, int]] = {}
         self._past: set[tuple[str, Source]] = set()
 
-    def follow(self, part: Source, group: Sequence[Chunk]) -> None:
-        """Note what an input says next.
+    def follow(self, part: Source, group: Sequence[Chunk]) -> Sequence[Chunk]:
+        """Note what an input says next; return it without what another input's going on tells.
 
         Raises:
             InputError: another one that speaks of that bus has begun before it ended.
         """
-        for chunk in group:
+        out = [chunk for chunk in group if not self._is_over(part, chunk)]
+        for chunk in out:
             bus, t_ns = chunk.bus, chunk.t_ns
-            if t_ns is None or self.is_over(part, chunk):
+            if t_ns is None:
                 continue
             owner, newest_ns = self._newest.get(bus, (part, t_ns))
             if owner is not part:
@@ -262,8 +262,9 @@ class BusOwners:
                     raise _overlapping(part)
                 self._past.add((bus, owner))
             self._newest[bus] = part, max(newest_ns, t_ns)
+        return out
 
-    def is_over(self, part: Source, chunk: Chunk) -> bool:
+    def _is_over(self, part: Source, chunk: Chunk) -> bool:
         """Tell whether it only says that no more came, of a bus with which another one goes on.
 
         How each bus ends stands behind the bytes of all others, and of those one may end later.
