@@ -113,17 +113,22 @@ _OTHERWISE: Final = {
 
 
 def _otherwise(error: click.NoSuchOption) -> str | None:
-    """Return what a command has for an option that others call so, or why it has none."""
+    """Return what a command has for an option that others call so, or why it has none.
+
+    That may be a form of what is printed: ``--format jsonl`` for ``--json``.
+    """
     option, does = _OTHERWISE.get(error.option_name, ("", ""))
     params = error.ctx.command.params if error.ctx else ()
     if any(option in param.opts for param in params):
         return does
-    begin = error.option_name.removeprefix("--")
-    for param in params if begin != error.option_name else ():  # --json for --format jsonl
-        words = getattr(param.type, "choices", ()) if "--format" in param.opts else ()
-        if form := next((w for w in words if w.startswith(begin)), None):
-            return f"--format {form} prints that"
-    return _selects_no_rows(error)
+    forms = [
+        form
+        for param in params
+        if "--format" in param.opts
+        for form in getattr(param.type, "choices", ())
+        if f"--{form}".startswith(error.option_name) and error.option_name.startswith("--")
+    ]
+    return f"--format {forms[0]} prints that" if forms else _selects_no_rows(error)
 
 
 _JUDGES: Final = (

@@ -59,14 +59,7 @@ def old_ids(case: Case) -> Iterator[Finding]:
         for servo in case.answering if named in case.everyone else (named,):
             if servo == new:
                 continue
-            asked, ok, first, last = _since(case, servo, t)
-            if ok:
-                # what is kept without power may be true with the next start only, as LSS has it
-                spells = case.ledger.silences.of(servo)
-                late = [s for s in spells if s.back_ns is None and s.first_ns >= t]
-                if not late:
-                    continue
-                asked, first, last = late[0].missed, late[0].first_ns, case.last_ns
+            asked, first, last = _asked_in_vain(case, servo, t)
             if asked < LEAST:
                 continue
             yield Finding(
@@ -81,6 +74,19 @@ def old_ids(case: Case) -> Iterator[Finding]:
                 strength=min(0.7 + asked / 20, 1.0),
                 brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
             )
+
+
+def _asked_in_vain(case: Case, servo: int, since_ns: int) -> tuple[int, int, int]:
+    """Return how often a servo is asked for nothing from some time on, and when first and last.
+
+    What is kept without power may become true with the next start only, as LSS has it.
+    """
+    asked, ok, first, last = _since(case, servo, since_ns)
+    if not ok:
+        return asked, first, last
+    spells = case.ledger.silences.of(servo)
+    late = [s for s in spells if s.back_ns is None and s.first_ns >= since_ns]
+    return (late[0].missed, late[0].first_ns, case.last_ns) if late else (0, first, last)
 
 
 def ids_given_twice(case: Case) -> Iterator[Finding]:
