@@ -72,9 +72,12 @@ class Told:
             tables[table].append({name: told[name] for name in (*TABLES[table], *lent, "n")})
         self.base = duckdb.connect()
         said = {(frame["bus"], frame["offset"]): frame for frame in tables["frames"]}
+        memories = {register.name: register.memory for register in protocol.registers}
         for sample in tables["samples"]:
-            frame = said[sample["bus"], sample["offset"]]
-            sample |= {name: frame[name] for name in LENT["samples"]}
+            lending = said[sample["bus"], sample["offset"]] | {
+                "memory": memories[sample["register"]]
+            }
+            sample |= {name: lending[name] for name in LENT["samples"]}
         for table, found in tables.items():
             lent = LENT.get(table, ())
             types = [(name, _type(name)) for name in (*TABLES[table], *lent)]
@@ -168,7 +171,9 @@ def expressions(columns: list[str]) -> st.SearchStrategy[str]:
 
 ANY: Final = st.one_of(
     *(expressions(sorted(columns)) for columns in TABLES.values()),
-    expressions(["kind", "op", "address", "status", "register", "value", "role", "servo_id"]),
+    expressions(
+        ["kind", "op", "address", "status", "memory", "register", "value", "role", "servo_id"]
+    ),
     expressions(["reason", "servo_id", "servo_name", "length"]),
 )
 
@@ -177,6 +182,7 @@ ANY: Final = st.one_of(
 @given(name=st.sampled_from(DAMAGED), text=ANY)
 @example(DAMAGED[0], "register = 'moving_speed' AND kind = 'request' AND op <> 'send_data'")
 @example(DAMAGED[0], "value > 500 AND address BETWEEN 120 AND 140 AND status IS NULL")
+@example(DAMAGED[0], "memory = 'non-volatile' AND kind = 'request'")
 @example(DAMAGED[0], "servo_name = 'left_knee' AND value > 5")
 @example(DAMAGED[0], "servo_name <> 'hip'")
 @example(DAMAGED[0], "servo_name IS NULL OR NOT servo_name LIKE 'h%'")
@@ -223,6 +229,10 @@ COMPLAINTS: Final = {
     "verdict = 'ok'": (
         ", at \"verdict = 'ok'\" (character 1): there is no such column: what is shown as verdict "
         "is outcome"
+    ),
+    "eeprom = 1": (
+        ", at 'eeprom = 1' (character 1): there is no such column: where a register stands is "
+        "memory, 'volatile' or 'non-volatile'"
     ),
     "servo_id =": ", at its end: expected a column, a number or a text",
     "servo_id = 3; drop": (
@@ -303,3 +313,9 @@ def test_all_headings_of_a_listing_lead_to_columns() -> None:
     shown = {name for name in HEAD if name.strip()}
     assert shown - {*IS_TEXT} <= {*HEADINGS}
     assert {column.split(",")[0] for column in HEADINGS.values()} <= {*IS_TEXT}
+
+
+def test_what_was_written_to_wearing_memory_is_asked_for_by_one_word() -> None:
+    selection = Selection.parse("memory = 'non-volatile' AND kind = 'request'")
+    found = told("mightyzap_damaged.log").by_us(selection)
+    assert {row.register for row in found} == {"feedback_return_mode"}

@@ -50,6 +50,7 @@ JOBS_MOST: Final = 256
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
         "sniffer decode run.mcap --servo 3,5 --from @first-error --around 200ms",
         "sniffer decode run.mcap --where \"quantity = 'voltage' AND value < 9\"",
+        "sniffer decode run.mcap --where \"memory = 'non-volatile' AND kind = 'request'\"",
         "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
         "sniffer decode run.mcap --format pcapng | wireshark -k -i -",

@@ -123,13 +123,14 @@ def _print(table: RegisterMap) -> None:
         click.echo(textwrap.fill(table.source, width))
     click.echo()
     addressed = any(r.address >= 0 for r in table.registers)
-    rows = [("addr" if addressed else "word", "name", "type", "unit", "range", "access")]
+    rows = [("addr" if addressed else "word", "name", "type", "unit", "range", "access", "memory")]
     for r in table.registers:
         where = f"0x{r.address:02X}" if r.address >= 0 else "/".join((r.word, *r.aliases))
         unit = word_of(r.unit)
         scale = f"{r.scale:.4g} {unit}" if unit and r.scale != 1 else unit
         limits = f"{r.range[0]}..{r.range[1]}" if r.range else ""
-        rows.append((where, r.name, r.type, scale, limits, r.access))
+        memory = "" if r.volatile else r.memory
+        rows.append((where, r.name, r.type, scale, limits, r.access, memory))
     columns = [c for c in zip(*rows, strict=True) if any(c[1:])]
     widths = [max(map(len, column)) for column in columns]
     meanings = ["", *(_meaning(r) for r in table.registers)]

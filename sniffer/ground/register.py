@@ -35,6 +35,9 @@ TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
 )
 """Wire types of a register, by the name the tables use."""
 
+MEMORIES: Final = "volatile", "non-volatile"
+"""Where registers stand: in what a loss of power clears, or in what outlasts it and wears."""
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -94,6 +97,11 @@ class Register:
     def width(self) -> int:
         """Bytes on the wire."""
         return TYPES[self.type].itemsize
+
+    @property
+    def memory(self) -> str:
+        """Where it stands, one of ``MEMORIES``."""
+        return MEMORIES[not self.volatile]
 
     def names(self, raw: int) -> str | list[str] | None:
         """Name an enumerated value, the set bits, or a special value; None: nothing is named."""

@@ -18,14 +18,16 @@ from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.called import SERVO_NAME, ServoNames
 from sniffer.decoding.fields import tidied
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES
-from sniffer.ground.distinct import FEW, distinct
+from sniffer.ground.distinct import FEW
 from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import Severity
+from sniffer.ground.register import MEMORIES
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Frames, Mask
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.texts import TextTest
 
 
 NAMELESS: Final = ServoNames()
@@ -37,54 +39,6 @@ class Numbers(NamedTuple):
 
     values: Any
     blank: float | None = None
-
-
-class TextTest:
-    """A test of texts, ``holds``, whose outcome is kept by name."""
-
-    __slots__ = ("_known", "_ops", "_tables", "holds")
-
-    def __init__(self, holds: Callable[[str], bool]) -> None:
-        self.holds = holds
-        self._known: dict[str, bool] = {}
-        self._tables: dict[int, tuple[object, Mask]] = {}
-        self._ops: dict[int, tuple[BusProtocol, dict[int, bool]]] = {}
-
-    def of(self, name: str) -> bool:
-        """Test a name of which there are few."""
-        if name not in self._known:
-            self._known[name] = self.holds(name)
-        return self._known[name]
-
-    def table(self, names: tuple[Any, ...], called: Callable[[Any], str] | None = None) -> Mask:
-        """Test all names of a table; ``called`` says what an entry of it is called."""
-        # by the table itself: the names of registers are not to be asked for with each batch
-        found = self._tables.get(id(names))
-        if found is None or found[0] is not names:
-            told = names if called is None else map(called, names)
-            found = names, np.array([self.holds(name) for name in told], bool)
-            self._tables[id(names)] = found
-        return found[1]
-
-    def ops(self, protocol: BusProtocol, ops: I64) -> Mask:
-        """Test the names of commands."""
-        found = self._ops.get(id(protocol))
-        if found is None or found[0] is not protocol:
-            found = self._ops[id(protocol)] = protocol, {}
-        known = found[1]
-        if len(ops) > FEW:
-            numbers, which, _ = distinct(ops)
-            mask: Mask = self.ops_few(protocol, known, numbers.tolist())[which]
-            return mask
-        return self.ops_few(protocol, known, ops.tolist())
-
-    def ops_few(self, protocol: BusProtocol, known: dict[int, bool], ops: list[int]) -> Mask:
-        """Test the names of some commands, one by one."""
-        try:
-            return np.array([known[op] for op in ops], bool)
-        except KeyError:
-            known.update((op, self.holds(protocol.op_name(op))) for op in ops)
-            return np.array([known[op] for op in ops], bool)
 
 
 class Names(NamedTuple):
@@ -364,14 +318,16 @@ LENT: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
             "op": ColumnKind(True, _said_op),
             "address": _known(lambda r: r.batch.frames.address[r.batch.values.row]),
             "status": _known(lambda r: r.batch.frames.status[r.batch.values.row]),
+            "memory": _register(lambda register: str(register.memory))._replace(names=MEMORIES),
         },
         "gaps": _of_servos(_known(lambda r: r.gaps.servo_id)),
     }
 )
 """Columns that a table has beside its own, for expressions that no table has all columns of.
 
-Samples have those of the frames which state them: what was written to a register is ``register =
-'goal_position' AND kind = 'request'``. Gaps have the servo whose frame they may have been, as far
+Samples have those of the frames which state them, and where their registers stand: what was written
+to a register is ``register = 'goal_position' AND kind = 'request'``, what wears memory is ``memory
+= 'non-volatile' AND kind = 'request'``. Gaps have the servo whose frame they may have been, as far
 as the torn bytes tell: they are asked for it by name (``servo_id = 3 AND reason = 'truncated'``),
 and are not among what is surely that servo's."""
 
@@ -381,7 +337,7 @@ TAKEN: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
 """The columns that may be asked for, by the rows that are tested."""
 
 IS_TEXT: Final[Mapping[str, bool]] = MappingProxyType(
-    {name: kind.is_text for columns in TABLES.values() for name, kind in columns.items()}
+    {name: kind.is_text for columns in TAKEN.values() for name, kind in columns.items()}
 )
 """Whether a column holds texts, by name."""
 
@@ -391,7 +347,7 @@ REALS: Final = frozenset({"value"})
 VALUES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         name: tuple(dict.fromkeys(kind.names))
-        for columns in TABLES.values()
+        for columns in TAKEN.values()
         for name, kind in columns.items()
         if kind.names
     }

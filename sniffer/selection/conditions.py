@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.selection.columns import Names, Numbers, TextTest
+from sniffer.selection.columns import Names, Numbers
+from sniffer.selection.texts import TextTest
 
 if TYPE_CHECKING:
     from fractions import Fraction

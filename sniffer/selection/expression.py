@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import InputError
+from sniffer.ground.register import MEMORIES
 from sniffer.ground.wording import Sentence
 from sniffer.selection.columns import IS_TEXT, REALS, VALUES
 from sniffer.selection.conditions import (
@@ -100,11 +101,19 @@ HEADINGS: Final = {
 }
 """What people see above columns of a listing and type here, with the columns that it is made of."""
 
+OF_MEMORY: Final = frozenset(
+    {"volatile", "nonvolatile", "non_volatile", "eeprom", "flash", "ram", "rom"}
+)
+"""What people call where a register stands."""
+
 
 def _no_column(name: str) -> str:
     """Return that there is no such column; of what servos tell, how it is asked for."""
     if (column := HEADINGS.get(name.lower())) is not None:
         return f"there is no such column: what is shown as {name} is {column}"
+    if name.lower() in OF_MEMORY:
+        known = "' or '".join(MEMORIES)
+        return f"there is no such column: where a register stands is memory, '{known}'"
     from sniffer.protocols import PROTOCOLS  # what is not meant by every user is read by few
 
     every = [r for protocol in PROTOCOLS.values() for r in protocol.registers]
