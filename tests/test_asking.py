@@ -265,6 +265,26 @@ def test_a_byte_of_any_bus_is_that_of_the_one_bus_which_has_it(
     assert parts[0] == parts[1] != []
 
 
+def test_the_first_of_a_kind_is_the_first_in_time_of_all_buses(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    lines = CAPTURE.read_text().replace(" bus0 ", " leg ").splitlines()
+    later = [
+        re.sub(r"^\((\d+)", lambda t: f"({int(t[1]) + 2}", line).replace(" leg ", " arm ")
+        for line in lines
+    ]
+    path = tmp_path / "two.log"
+    path.write_text("\n".join([lines[0].replace(" leg ", " arm "), *sorted([*lines, *later])]))
+    anomalies = [row for row in told(capsys, file=path) if row["type"] == "anomaly"]
+    for place, key, value, nth in (
+        ("@first-error", "severity", "error", 0),
+        ("@no-response:3", "code", "no-response", 2),
+    ):
+        times = sorted(row["t_ns"] for row in anomalies if row[key] == value)
+        part = told(capsys, "--from", place, file=path)[-1]["selection"]
+        assert part["from_ns"] == times[nth]
+
+
 def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
     hex_dump = CAPTURE.with_name("mightyzap_manual.hex")
     ran = within(capsys, "decode", hex_dump, "--from", "22:55")

@@ -34,13 +34,13 @@ FEW: Final = 0.01
 class Rest:
     """Anomalies of which no cause can be told, in words, and what to do about them.
 
-    All are empty where there are none. ``code`` came most often; ``source`` is the capture as a
-    command line names it.
+    All are empty where there are none. ``place`` is one of what came most often, behind the ``@``
+    of a command line; ``source`` is the capture as the command line names it.
     """
 
     told: str = ""
     doing: str = ""
-    code: str = ""
+    place: str = ""
     source: str = "FILE"
     parts: tuple[tuple[str, str], ...] = ()
     """What it is told of, each with its bus."""
@@ -50,8 +50,8 @@ class Rest:
         """What to do next, and the command that draws where it is."""
         if not self.told:
             return ""
-        place = shlex.quote(f"{self.source}@{self.code}")
-        return f"{self.doing} `sniffer explain {place}` draws the first of them."
+        where = shlex.quote(f"{self.source}@{self.place}")
+        return f"{self.doing} `sniffer explain {where}` draws the first of them."
 
     def named(self, names: ServoNames) -> Rest:
         """Return the same with the names of servos."""
@@ -99,9 +99,13 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
     if not told:
         return Rest()
     n, most, _, case = max(told, key=lambda t: t[0])
+    place = most
+    if len(cases) > 1:  # the code may be another bus's, too
+        of_it = case.alarm_rows(most)
+        place = f"{case.bus}:{int(case.alarms['at'][of_it].min())}"
     parts = tuple((each.bus, words) for _, _, words, each in told)
     words = ", ".join(words for _, words in parts)
-    return Rest(words, _doing(case, n, most), most, parts=parts)
+    return Rest(words, _doing(case, n, most), place, parts=parts)
 
 
 def _doing(case: Case, n: int, code: str) -> str:

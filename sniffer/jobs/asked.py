@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
-from sniffer.decoding.called import ServoNames
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
@@ -18,15 +13,16 @@ from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
+from sniffer.jobs.sought import Finder
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
+from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.decoding.options import Options
-    from sniffer.ground.model import Batch, Chunk, Mask
+    from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.selection import Selection
     from sniffer.sources import Source
@@ -133,7 +129,7 @@ class Extract:
         if not self.seeks:
             return self
         places = [p for p in (self.start, self.stop) if p is not None and p.kind == FOUND]
-        finder = _Finder(places, self.of_places, options.called)
+        finder = Finder(places, self.of_places, options.called)
         _look(finder, opened, options)
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
 
@@ -144,7 +140,7 @@ def evidence_at(place: CapturePlace, opened: Source, options: Options) -> tuple[
     Raises:
         InputError: it is not there.
     """
-    finder = _Finder([place], names=options.called)
+    finder = Finder([place], names=options.called)
     _look(finder, opened, options)
     finder.found(place)
     return finder.evidence[place]
@@ -172,7 +168,7 @@ def record_at(place: CapturePlace, opened: Source, options: Options) -> tuple[st
     return first.found[1:]
 
 
-def _look(finder: _Finder, opened: Source, options: Options) -> None:
+def _look(finder: Finder, opened: Source, options: Options) -> None:
     """Read a source as far as need be."""
     pipeline = Pipeline(options, [finder])
     quiet = Teller(lambda line: None, quiet=True)
@@ -212,139 +208,6 @@ class _First:
 
     def close(self) -> None:
         """Do nothing."""
-
-
-class _Finder:
-    """A sink that looks for places, and counts anomalies in the order of the output."""
-
-    def __init__(
-        self,
-        places: Sequence[CapturePlace],
-        among: Selection | None = None,
-        names: ServoNames | None = None,
-    ) -> None:
-        self._names = names or ServoNames()
-        for place in places:
-            place.known_by(self._names)
-        self._places = tuple(dict.fromkeys(places))
-        self._among = among
-        self._times: dict[CapturePlace, int] = {}
-        self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
-        """Of anomalies that are found the bus, the first byte, and what they say."""
-        self._anomalies = 0
-        self._last_ns: int | None = None
-        self._met = dict.fromkeys(self._places, 0)
-        """How many anomalies of the kind that a place names were there so far."""
-        self._of_any = [p for p in self._places if p.sought == "byte" and not p.bus]
-        self._heard: Counter[str] = Counter()
-        """How many bytes of each bus there were so far."""
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all of them are found."""
-        return len(self._times) == len(self._places)
-
-    @property
-    def knows_buses(self) -> bool:
-        """Whether what is still to come cannot make a byte that is found one of several buses."""
-        return all(len(self._having(place)) > 1 for place in self._of_any)
-
-    def hear(self, group: Sequence[Chunk]) -> None:
-        """Count bytes: which buses have one is known before they are decoded."""
-        for chunk in group:
-            self._heard[chunk.bus] += len(chunk.data)
-
-    def _having(self, place: CapturePlace) -> list[str]:
-        """Return the buses that have the byte of a place."""
-        return [bus for bus, length in self._heard.items() if length > place.number]
-
-    def found(self, place: CapturePlace | None) -> CapturePlace | None:
-        """Return a place with its time.
-
-        Raises:
-            InputError: it is not there.
-        """
-        if place is None or place.kind != FOUND:
-            return place
-        if place in self._of_any and len(having := self._having(place)) > 1:
-            raise InputError(ambiguous(place, having))
-        if place not in self._times:
-            raise InputError(f"{place.text}: {self._missing(place)}")
-        return place.found(self._times[place])
-
-    def _missing(self, place: CapturePlace) -> str:
-        if place.sought == END:
-            return "the capture has no record"
-        if place.sought == "byte":
-            return (
-                f"no record of {f'bus {place.bus}' if place.bus else 'the capture'} has this byte"
-            )
-        if place.sought == "anomaly":
-            return f"the capture has {self._anomalies} anomalies"
-        there = self._met[place]
-        told = f"the capture has {there} of them" if there else "there is none in the capture"
-        return told if self._among is None else f"{told} where {self._among.text}"
-
-    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
-        """Take nothing."""
-
-    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Look through a batch."""
-        found = Anomalies.of(batch.anomalies)
-        mine = np.ones(len(found), bool)
-        if self._among is not None:
-            mine = self._among.rows(bus, protocol, batch)("anomalies")
-        ends = [int(t.max()) for t in (batch.frames.t_end, Gaps.of(batch.gaps).t_ns) if len(t)]
-        self._last_ns = max((t for t in (self._last_ns, *ends) if t is not None), default=None)
-        for place in self._places:
-            if place not in self._times:
-                t_ns = self._in(place, bus, batch, found, mine)
-                if t_ns is not None:
-                    self._times[place] = t_ns
-        self._anomalies += len(found)
-
-    def _in(
-        self, place: CapturePlace, bus: str, batch: Batch, found: Anomalies, mine: Mask
-    ) -> int | None:
-        if place.sought == "byte":
-            return time_at(batch, place.number) if place.bus in ("", bus) else None
-        if place.sought == END:  # known when there is no more
-            return None
-        if place.sought == "anomaly":
-            nth = place.number - 1 - self._anomalies
-            return self._take(place, bus, found, nth) if nth < len(found) else None
-        if place.servo is not None:
-            mine = mine & np.isin(found.servo_id, place.about(bus, self._names))
-        code = found.code.tolist()
-        for nth in mine.nonzero()[0].tolist():
-            if place.sought in (CODES[code[nth]], SEVERITY[code[nth]].name.lower()):
-                self._met[place] += 1
-                if self._met[place] == place.number:
-                    return self._take(place, bus, found, nth)
-        return None
-
-    def _take(self, place: CapturePlace, bus: str, found: Anomalies, nth: int) -> int:
-        one = found[nth]
-        self.evidence[place] = bus, int(found.at[nth]), f"{one.code}: {one.detail}"
-        return int(found.t_ns[nth])
-
-    def close(self) -> None:
-        """Count back from the last record; a longer time than there is begins with the capture."""
-        if self._last_ns is not None:
-            for place in (place for place in self._places if place.sought == END):
-                self._times[place] = self._last_ns - place.number
-
-
-def time_at(batch: Batch, offset: int) -> int | None:
-    """Return the time of the frame or gap that has a byte of the stream; None: none here has."""
-    at = offset - batch.base
-    gaps = Gaps.of(batch.gaps)
-    f = batch.frames
-    for start, length, t_ns in ((f.start, f.length, f.t_end), (gaps.start, gaps.length, gaps.t_ns)):
-        rows = ((start <= at) & (at < start + length)).nonzero()[0]
-        if len(rows):
-            return int(t_ns[rows[0]])
-    return None
 
 
 def buses_of(source: str, found: Sequence[str], wanted: Sequence[str]) -> list[str]:
