@@ -20,6 +20,8 @@ from tests.test_convert import CAPTURES, LOG, Capsys
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from sniffer.ground.model import F64, I64
+
 
 def rows_of(path: Path) -> list[dict[str, float | str | None]]:
     """Return a wide table's rows, whatever its suffix."""
@@ -148,28 +150,42 @@ def test_a_wide_table_at_50_hz_has_what_was_said_last_in_each_step(
     assert got == on_a_grid(CAPTURES / name, hold=hold)
 
 
+def spaced_rows(
+    times: I64, columns: I64, values: F64, cuts: list[int]
+) -> list[tuple[int, dict[int, float]]]:
+    """Return the rows of values that come in pieces, each its ms and what it has of each column."""
+    spaced, out = Spaced(STEP_NS), []
+    pieces = [np.split(part, cuts) for part in (times, columns, values)]
+    made = [spaced.take(*piece) for piece in zip(*pieces, strict=True) if len(piece[0])]
+    for t_ns, row, column, value in [*made, spaced.rest()]:
+        told: list[dict[int, float]] = [{} for _ in t_ns]
+        for nth, which, said in zip(row, column, value, strict=True):
+            told[nth][int(which)] = float(said)
+        out += list(zip((t_ns // 1_000_000).tolist(), told, strict=True))
+    return out
+
+
 def test_rows_a_step_apart_do_not_depend_on_how_the_values_come() -> None:
     times = np.array([3, 17, 21, 65, 65, 141]) * 1_000_000
     columns = np.array([0, 0, 1, 0, 1, 1])
     values = np.arange(6.0)
-
-    def rows(cuts: list[int]) -> list[tuple[int, dict[int, float]]]:
-        spaced, out = Spaced(STEP_NS), []
-        pieces = [np.split(part, cuts) for part in (times, columns, values)]
-        made = [spaced.take(*piece) for piece in zip(*pieces, strict=True) if len(piece[0])]
-        for t_ns, row, column, value in [*made, spaced.rest()]:
-            told: list[dict[int, float]] = [{} for _ in t_ns]
-            for nth, which, said in zip(row, column, value, strict=True):
-                told[nth][int(which)] = float(said)
-            out += list(zip((t_ns // 1_000_000).tolist(), told, strict=True))
-        return out
-
     want: list[tuple[int, dict[int, float]]] = [
         (20, {0: 1.0}), (40, {1: 2.0}), (60, {}), (80, {0: 3.0, 1: 4.0}),
         (100, {}), (120, {}), (140, {}), (160, {1: 5.0}),
     ]  # fmt: skip
     for cuts in ([], [1], [2, 3], [1, 2, 3, 4, 5], [4]):
-        assert rows(cuts) == want, cuts
+        assert spaced_rows(times, columns, values, cuts) == want, cuts
+
+
+def test_rows_go_on_where_the_clock_was_set_back() -> None:
+    times = np.array([9_003, 9_017, 9_065, 5_001, 5_030, 3_999]) * 1_000_000
+    columns, values = np.array([0, 0, 1, 0, 1, 0]), np.arange(6.0)
+    want: list[tuple[int, dict[int, float]]] = [
+        (9_020, {0: 1.0}), (9_040, {}), (9_060, {}), (9_080, {1: 2.0}),
+        (5_020, {0: 3.0}), (5_040, {1: 4.0}), (4_000, {0: 5.0}),
+    ]  # fmt: skip
+    for cuts in ([], [3], [5], [1, 2, 3, 4, 5], [2, 4]):
+        assert spaced_rows(times, columns, values, cuts) == want, cuts
 
 
 def test_a_clock_that_leaps_by_years_makes_no_endless_table(tmp_path: Path, capsys: Capsys) -> None:

@@ -112,6 +112,7 @@ class _PartOfBus:
         self.begin: int | None = None
         self.end: int | None = None
         self.first = self.last = -1
+        self._is_ended = False
         self._lower, self._upper = _PartEdge(), _PartEdge()
 
     def add(self, records: _Records, from_ns: int | None, to_ns: int | None) -> None:
@@ -124,10 +125,14 @@ class _PartOfBus:
             if after.any():
                 self.begin = int(records.start[int(np.argmax(after))])
         self._lower.add(records, self.begin, known=known)
-        before = records.t_end <= to_ns if to_ns is not None else records.end > 0
-        if before.any():
-            self.end = int(records.end[len(before) - 1 - int(np.argmax(before[::-1]))])
-        self._upper.add(records, self.end, known=not before.any() and self.end is not None)
+        known = self._is_ended
+        if not known:
+            later = records.t_end > to_ns if to_ns is not None else records.end < 0
+            self._is_ended = bool(later.any())
+            stop = int(np.argmax(later)) if self._is_ended else len(later)
+            if stop:
+                self.end = int(records.end[:stop].max())
+        self._upper.add(records, self.end, known=known and self.end is not None)
 
     @property
     def is_over(self) -> bool:

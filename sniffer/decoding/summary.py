@@ -15,6 +15,7 @@ from sniffer.decoding.names import AND
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.ground.heard import Heard
 from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Clock, Severity
 
 if TYPE_CHECKING:
@@ -57,8 +58,7 @@ class BusTotals:
     models: dict[int, tuple[str, int]] = field(default_factory=dict)
     """Servo id -> model and grounds (a provenance), where it was named or the wire showed it."""
     clock: str = "none"
-    t_first_ns: int | None = None
-    t_last_ns: int | None = None
+    heard: Heard = field(default_factory=Heard)
     _ops: dict[tuple[str, int], str] = field(default_factory=dict)
 
     def add(self, protocol: BusProtocol, batch: Batch) -> None:
@@ -75,9 +75,7 @@ class BusTotals:
             return
         self.models.update(batch.models)
         self.bytes_in_frames += int(f.length.sum())
-        if self.t_first_ns is None:
-            self.t_first_ns = int(f.t_start[0])
-        self.t_last_ns = int(f.t_end[-1])
+        self.heard.take(protocol.name, f)
         for kind, n in zip(KINDS, np.bincount(f.kind, minlength=len(KINDS)).tolist(), strict=True):
             self.kinds[kind] += n
         for outcome, n in zip(
@@ -141,9 +139,7 @@ class BusTotals:
     @property
     def seconds(self) -> float | None:
         """Length of the capture by its own clock; None where it has none."""
-        if self.clock == "none" or self.t_first_ns is None or self.t_last_ns is None:
-            return None
-        return (self.t_last_ns - self.t_first_ns) / NS
+        return None if self.clock == "none" or self.heard.first_ns is None else self.heard.ns / NS
 
 
 def accounted(batch: Batch) -> int:

@@ -49,10 +49,7 @@ def _add(b: BusTotals, more: BusTotals) -> None:
     for servo, times in more.times.items():
         b.times.setdefault(servo, Quantiles()).join(times)
     b.models.update(more.models)
-    if b.t_first_ns is None:
-        b.t_first_ns = more.t_first_ns
-    if more.t_last_ns is not None:
-        b.t_last_ns = more.t_last_ns
+    b.heard.join(more.heard)
     for name, part in more.parts.items():
         _add(b.parts.setdefault(name, BusTotals(part.protocol, part.usual_model)), part)
     if b.parts:

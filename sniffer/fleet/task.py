@@ -276,8 +276,8 @@ def _heard(task: CaptureTask, file: Path, tables: CaptureTables, jobs: int) -> _
 def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
     total = summary.as_dict()
     timed = [bus for bus in summary.buses.values() if bus.clock != "none"]
-    first = min((b.t_first_ns for b in timed if b.t_first_ns is not None), default=None)
-    last = max((b.t_last_ns for b in timed if b.t_last_ns is not None), default=None)
+    first = min((b.heard.first_ns for b in timed if b.heard.first_ns is not None), default=None)
+    last = max((b.heard.last_ns for b in timed if b.heard.last_ns is not None), default=None)
     is_dated = first is not None and first >= DATED_NS
     return replace(
         row,

@@ -13,7 +13,7 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.slicing import first_told_ns
 from sniffer.decoding.spans import sliced
 from sniffer.ground.limits import OFFSET_END, number_in
-from sniffer.ground.model import NS, DamagedInputError, InputError
+from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
@@ -229,7 +229,6 @@ def found(
     if not part.spans:
         if undecided is not None:
             raise undecided
-        lasts = [b.t_last_ns for b in pipeline.summary.buses.values() if b.t_last_ns is not None]
-        length = (max(lasts) - (began[0] or 0)) / NS if lasts and began else 0.0
+        length = max((b.seconds or 0.0 for b in pipeline.summary.buses.values()), default=0.0)
         raise InputError(f"nothing was said {asked}: the capture has {length:.3f} s")
     return part

@@ -75,8 +75,12 @@ class Content:
     @property
     def span_ns(self) -> tuple[int, int] | None:
         """When the first byte began and the last one ended; None: there was no frame."""
-        firsts = [b.t_first_ns for b in self.summary.buses.values() if b.t_first_ns is not None]
-        lasts = [b.t_last_ns for b in self.summary.buses.values() if b.t_last_ns is not None]
+        firsts = [
+            b.heard.first_ns for b in self.summary.buses.values() if b.heard.first_ns is not None
+        ]
+        lasts = [
+            b.heard.last_ns for b in self.summary.buses.values() if b.heard.last_ns is not None
+        ]
         return (min(firsts), max(lasts)) if firsts else None
 
     def totals_of(self, lane: str) -> BusTotals:

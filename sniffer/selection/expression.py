@@ -112,8 +112,8 @@ def _no_column(name: str) -> str:
     if (column := HEADINGS.get(name.lower())) is not None:
         return f"there is no such column: what is shown as {name} is {column}"
     if name.lower() in OF_MEMORY:
-        known = "' or '".join(MEMORIES)
-        return f"there is no such column: where a register stands is memory, '{known}'"
+        either = "' or '".join(MEMORIES)
+        return f"there is no such column: where a register stands is memory, '{either}'"
     from sniffer.protocols import PROTOCOLS  # what is not meant by every user is read by few
 
     every = [r for protocol in PROTOCOLS.values() for r in protocol.registers]

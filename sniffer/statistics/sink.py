@@ -11,6 +11,7 @@ from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.ground.heard import Heard
 from sniffer.ground.timing import byte_time_ns
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
@@ -47,6 +48,7 @@ class WireBytes:
     gaps: Counter[str] = field(default_factory=Counter)
     """By reason, how many."""
     baud: int = 0
+    heard: Heard = field(default_factory=Heard)
     first_ns: int | None = None
     last_ns: int = 0
 
@@ -58,17 +60,18 @@ class WireBytes:
     @property
     def span_ns(self) -> int:
         """How long the bus was heard, by the times of its frames."""
-        return 0 if self.first_ns is None else self.last_ns - self.first_ns
+        return self.heard.ns
 
     @property
     def byte_ns(self) -> int:
         """How long a byte takes."""
         return byte_time_ns(self.baud)
 
-    def hear(self, batch: Batch) -> None:
+    def hear(self, protocol: BusProtocol, batch: Batch) -> None:
         """Take in from when to when frames of any kind were heard."""
         f = batch.frames
         if len(f):
+            self.heard.take(protocol.name, f)
             first, last = int(f.t_start.min()), int(f.t_end.max())
             if self.first_ns is None:
                 self.first_ns, self.last_ns = first, last
@@ -130,7 +133,7 @@ class Statistics:
         self.collector.write(bus, protocol, batch)
         wire = self._wire(bus)
         wire.baud = wire.baud or protocol.baud
-        wire.hear(batch)
+        wire.hear(protocol, batch)
         mine = selected(batch)
         wire.add(mine)
         if self._every_ns is not None:

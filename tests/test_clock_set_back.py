@@ -1,0 +1,84 @@
+"""Captures whose clock was set back meanwhile, as logs in local time are at the end of summer."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pytest
+
+import sniffer
+from sniffer.ground.heard import SET_BACK_NS, Heard, set_back
+from tests.commands import within
+
+if TYPE_CHECKING:
+    from tests.test_convert import Capsys
+
+CAPTURE: Final = Path(__file__).parents[1] / "sample_captures" / "mightyzap_damaged.log"
+BEFORE: Final = 700
+"""Lines in front of the moment at which the clock is set back by an hour."""
+
+
+@pytest.fixture
+def summer_ends(tmp_path: Path) -> Path:
+    lines = CAPTURE.read_text().splitlines()
+    later = [re.sub(r"^\((\d+)", lambda t: f"({int(t[1]) - 3600}", line) for line in lines[BEFORE:]]
+    path = tmp_path / "october.log"
+    path.write_text("\n".join([*lines[:BEFORE], *later]))
+    return path
+
+
+def test_a_capture_is_as_long_as_it_was_heard_though_its_clock_was_set_back(
+    summer_ends: Path, capsys: Capsys
+) -> None:
+    want = sniffer.decode(CAPTURE).summary.buses["bus0"].seconds
+    assert want is not None
+    told = json.loads(within(capsys, "stats", summer_ends, "--format", "json").out)
+    for seconds in (
+        sniffer.decode(summer_ends).summary.buses["bus0"].seconds,
+        told["buses"][0]["seconds"],
+    ):
+        assert seconds == pytest.approx(want, abs=0.01)
+
+
+def test_a_part_ends_where_its_end_comes_first(
+    summer_ends: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    shown = within(capsys, "decode", summer_ends, "--to", "1", "--format", "jsonl")
+    out = tmp_path / "first.log"
+    assert within(capsys, "cut", summer_ends, "--to", "1", "-o", out).status == 0
+    cut = sniffer.decode(out).summary.buses["bus0"].bytes
+    assert cut == pytest.approx(json.loads(shown.out.splitlines()[-1])["bytes"], abs=100)
+
+
+def test_rows_a_step_apart_go_on_where_the_clock_was_set_back(
+    summer_ends: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    rows = []
+    for path in (CAPTURE, summer_ends):
+        out = tmp_path / f"{path.stem}.csv"
+        assert within(capsys, "convert", path, out, "--wide", "--every", "100ms").status == 0
+        rows.append(len(out.read_text().splitlines()))
+    assert abs(rows[0] - rows[1]) <= 1
+
+
+def test_stamps_that_overlap_are_no_clock_that_was_set_back() -> None:
+    times = np.array([0, SET_BACK_NS, 1, 2, -SET_BACK_NS + 2, -SET_BACK_NS + 1], np.int64)
+    assert set_back(times, SET_BACK_NS).tolist() == []
+    assert set_back(times, SET_BACK_NS + 1).tolist() == [0]
+
+
+def test_what_is_heard_in_parts_was_heard_as_long_as_in_one(summer_ends: Path) -> None:
+    batches = sniffer.decode(summer_ends).batches
+    whole, joined = Heard(), Heard()
+    for _, protocol, batch in batches:
+        cut = len(batch.frames) // 2
+        for frames in (batch.frames.take(slice(0, cut)), batch.frames.take(slice(cut, None))):
+            whole.take(protocol.name, frames)
+            part = Heard()
+            part.take(protocol.name, frames)
+            joined.join(part)
+    assert joined.ns == whole.ns > 0
