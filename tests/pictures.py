@@ -21,6 +21,7 @@ from sniffer.diagnosis.tracking import Tracked
 from sniffer.inside.app import LookingGlass
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.reading import Reading
+from sniffer.jobs.convert import convert
 from sniffer.jobs.report import report
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
@@ -107,6 +108,15 @@ def of_the_board() -> None:
     console.save_svg(str(IMAGES / "board.svg"), title=title, theme=DARK, unique_id="board")
 
 
+def of_plots() -> None:
+    """Take the picture of a capture in Rerun."""
+    with tempfile.TemporaryDirectory() as folder, headless(Path(folder)) as viewer:
+        plots = Path(folder) / "plots.rrd"
+        convert(ROOT / CAPTURE, [plots])
+        viewer.show(plots)
+        viewer.client.save_screenshot(str(IMAGES / "view.png"))
+
+
 def of_live_plots() -> None:
     """Take the picture of two buses live in Rerun."""
     with contextlib.ExitStack() as stack:
@@ -168,6 +178,7 @@ def _running(*arguments: str) -> Iterator[None]:
 PICTURES: Final[Mapping[str, Callable[[], None]]] = {
     "report": of_a_report,
     "board": of_the_board,
+    "view": of_plots,
     "live": of_live_plots,
     "open": of_the_looking_glass,
 }

@@ -68,7 +68,7 @@ def test_servos_of_a_moment_leave_out_what_has_no_room_and_cut_no_number(
     cells = {
         "position": "9.502 mm",
         "goal": "9.927 mm",
-        "error": "-0.4249 mm",
+        "error": "+0.4249 mm",
         "speed": "-59.1 deg/s",
         "load": "-232",
         "current": "227 mA",

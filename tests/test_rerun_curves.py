@@ -218,3 +218,16 @@ def test_plots_open_at_the_first_incident_that_is_an_error_and_without_one_at_th
     assert opening_ns([warned], 20) == 20
     assert opening_ns([warned], None) == 5
     assert opening_ns([], None) is None
+
+
+def test_a_following_error_has_the_sign_that_figures_have(tmp_path: Path) -> None:
+    capture = ROOT / "sample_captures" / "mightyzap_damaged.log"
+    out = tmp_path / "a.rrd"
+    sniffer.convert(capture, [out])
+    rows, _ = read(out)
+    (bus,) = sniffer.stats(capture).as_dict()["buses"]
+    for servo in bus["servos"]:
+        curve = [value for _, value in rows[f"/bus0/servo/{servo['servo_id']}/following_error"]]
+        worst = servo["following_error"][0]["worst"]["value"]
+        assert max(curve, key=abs) == pytest.approx(worst, abs=1e-5)
+        assert worst

@@ -115,10 +115,10 @@ def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> 
 
 
 def _error(known: dict[str, tuple[Register, LastValue]]) -> str | None:
-    """Return by how much the position is off its goal, where both have one unit."""
+    """Return by how much the goal lies beyond the position, where both have one unit."""
     if "position" not in known or "goal_position" not in known:
         return None
     (here, is_at), (goal, to) = known["position"], known["goal_position"]
     if here.unit != goal.unit or math.isnan(is_at.value) or math.isnan(to.value):
         return None
-    return f"{is_at.value - to.value:+.4g} {word_of(here.unit)}".rstrip()
+    return f"{to.value - is_at.value:+.4g} {word_of(here.unit)}".rstrip()

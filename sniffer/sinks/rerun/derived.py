@@ -28,7 +28,7 @@ HELD: Final = 4096
 
 
 class Following:
-    """How far one servo is from its goal: the measured position minus the last goal before it."""
+    """Following errors of one servo: the last goal before it less the position that is measured."""
 
     def __init__(self) -> None:
         self._goal_times = np.empty(0, np.int64)
@@ -55,7 +55,7 @@ class Following:
             del self._seconds[second]
         before = np.searchsorted(self._goal_times, times, "right") - 1
         aimed = before >= 0
-        errors = positions[aimed] - self._goals[before[aimed]]
+        errors = self._goals[before[aimed]] - positions[aimed]
         self._goal_times, self._goals = self._goal_times[-1:], self._goals[-1:]
         if len(times):
             self._recent = times, positions
