@@ -40,6 +40,19 @@ def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
     ]
 
 
+def test_a_bus_without_a_name_has_a_direction_in_its_place() -> None:
+    text = b"# mine\n(1795215306.000100) TX#FAAF\n(1795215306.123456) rx#01\nTX#02\n"
+    assert chunks(text) == [
+        Chunk(b"\xfa\xaf", 1795215306_000100000, Clock.FILE, direction=Direction.TX),
+        Chunk(b"\x01", 1795215306_123456000, Clock.FILE, direction=Direction.RX),
+        Chunk(b"\x02", direction=Direction.TX),
+    ]
+    assert {c.bus for group in open_source(text, bus="arm") for c in group} == {"arm"}
+    lss = b"(1.000) TX#5D1800\n(1.002) TX#5QD\n(1.004) RX*5QD1800\n"
+    assert b"".join(c.data for c in chunks(lss)) == b"#5D1800\r#5QD\r*5QD1800\r"
+    assert "no dump that is read" in refusal(b"(1.0) #FAAF\n(1.1) #FAAF00\n")
+
+
 @pytest.mark.parametrize(("places", "unsure_ns"), [(0, NS), (1, NS // 10), (3, MS), (6, 0), (9, 0)])
 def test_a_time_is_as_uncertain_as_its_last_digit_in_the_shortest_file(
     places: int, unsure_ns: int, tmp_path: Path
@@ -90,7 +103,7 @@ def test_lines_read_together_say_what_each_says_alone(
         for (t_ns, data), head in zip(said, itertools.cycle([*heads, odd or heads[0]]))
     ]
     text = "\n".join(lines).encode()
-    alone = [*CandumpLog().chunks(LineBlock(text, 1, 0, cut_off=False))]
+    alone = [*CandumpLog("bus0").chunks(LineBlock(text, 1, 0, cut_off=False))]
     assert chunks(text + b"\n", "candump") == alone
 
 

@@ -1,6 +1,7 @@
 """Log lines with a time each, as ``candump -L`` writes them: ``(1732142106.123456) bus0 RX#FAAF``.
 
-In front of the ``#`` stands a direction, a CAN id or nothing; an id is no payload. The time is
+In front of the ``#`` stands a direction, a CAN id or nothing; an id is no payload. Behind no bus
+there is a direction: ``#`` alone may begin a remark, or a line of LSS. The time is
 read digit by digit into integer nanoseconds: a float has no room for them.
 """
 
@@ -28,12 +29,13 @@ from sniffer.sources.text import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 # time, its fraction, bus, label, CAN FD flags, bytes, remote request, direction of candump -x
 _LINE: Final = later(
-    rb"^(?:\(([0-9]{1,10})(?:[.,]([0-9]*))?\)[ \t]+)?([^\s#()]+)[ \t]+"
-    rb"([TtRr][Xx]|[0-9A-Fa-f]{1,8}|)#(#[0-9A-Fa-f])?((?:[0-9A-Fa-f]{2})*)(R[0-9A-Fa-f]?)?"
+    rb"^(?:\(([0-9]{1,10})(?:[.,]([0-9]*))?\)[ \t]+)?"
+    rb"(?:([^\s#()]+)[ \t]+|(?=[TtRr][Xx]#))([TtRr][Xx]|[0-9A-Fa-f]{1,8}|)#"
+    rb"(#[0-9A-Fa-f])?((?:[0-9A-Fa-f]{2})*)(R[0-9A-Fa-f]?)?"
     rb"(?:[ \t]+([RT]))?[ \t]*$",
     re.MULTILINE,
 )
@@ -54,15 +56,25 @@ _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
 
 def is_line(line: bytes) -> bool:
-    """Tell whether ``line`` is one of these."""
-    return _LINE.match(line) is not None
+    """Tell whether ``line`` is one of these, with the name of its bus."""
+    found = _LINE.match(line)
+    return found is not None and found[3] is not None
+
+
+def are_nameless(lines: Sequence[bytes]) -> bool:
+    """Tell whether all lines are of these, of a bus that has no name.
+
+    One alone may be LSS: ``TX#5D1800``.
+    """
+    found = [_LINE.match(line) for line in lines]
+    return bool(found) and all(line is not None and line[3] is None for line in found)
 
 
 class CandumpLog(TextLog):
     """The lines of a log, block by block."""
 
-    def __init__(self) -> None:
-        self._buses: dict[bytes, str] = {}
+    def __init__(self, bus: str) -> None:
+        self._buses: dict[bytes, str] = {b"": bus}
         self.errors = 0
         self.cut_off = False
 
@@ -96,7 +108,7 @@ class CandumpLog(TextLog):
         ends = np.cumsum([*map(len, digits)]) // 2
         ways = np.array([_WIRES[label] for label in labels], np.uint8)
         data = bytes.fromhex(b"".join(digits).decode("ascii"))
-        name = buses[0].decode("utf-8", "replace")
+        name = self._name(buses[0])
         marks: dict[int, tuple[Mark, ...]] = {}
         if places < FINE:
             marks = {n: coarse(len(told) // 2, places) for n, told in enumerate(digits)}
@@ -119,7 +131,7 @@ class CandumpLog(TextLog):
         plain = not any(len(row[3]) == 8 for row in rows)  # an error frame has a long id
         if plain and len(rows) == block.text.count(b"\n") + 1:
             for row in rows:
-                out[row[2].decode("utf-8", "replace")] += len(row[5]) // 2
+                out[self._name(row[2])] += len(row[5]) // 2
         else:
             for chunk in self.chunks(block):
                 out[chunk.bus] += len(chunk.data)
@@ -144,9 +156,7 @@ class CandumpLog(TextLog):
         seconds, fraction, bus, label, _, digits, _, flag = row
         if not digits:
             return None
-        name = self._buses.get(bus)
-        if name is None:
-            name = self._buses[bus] = bus.decode("utf-8", "replace")
+        name = self._name(bus)
         direction = _DIRECTIONS.get(label.upper() or flag, Direction.UNKNOWN)
         if direction is Direction.UNKNOWN and label:
             if len(label) == 8 and int(label, 16) & _ERROR_FRAME:
@@ -161,15 +171,26 @@ class CandumpLog(TextLog):
             raise DamagedLine(number, f"{quoted(seconds)} seconds are beyond the year 2257")
         return Chunk(data, t_ns, Clock.FILE, name, direction, coarse(len(data), len(fraction)))
 
+    def _name(self, bus: bytes) -> str:
+        name = self._buses.get(bus)
+        if name is None:
+            name = self._buses[bus] = bus.decode("utf-8", "replace")
+        return name
+
     def notes(self) -> Iterator[str]:
         """Yield what was left out."""
-        if self.errors:
-            yield f"{self.errors} CAN error frames are left out: their bytes were on no wire"
-        if self.cut_off:
-            yield CUT_OFF
+        return notes_on(self.errors, cut_off=self.cut_off)
+
+
+def notes_on(errors: int, *, cut_off: bool) -> Iterator[str]:
+    """Yield what was left out of a log with so many error frames."""
+    if errors:
+        yield f"{errors} CAN error frames are left out: their bytes were on no wire"
+    if cut_off:
+        yield CUT_OFF
 
 
 def read_candump(opened: Opened) -> Iterator[Chunk | ChunkRun]:
     """Yield one chunk a line; its time is that of the line, on the file's clock."""
-    log = CandumpLog()
+    log = CandumpLog(opened.bus)
     return read_blocks(opened, log, log.parts)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.ground.limits import GROUP_CHUNKS
 from sniffer.ground.model import DamagedInputError, Direction
-from sniffer.sources.candump import CandumpLog
+from sniffer.sources.candump import CandumpLog, notes_on
 from sniffer.sources.text import BLOCK, DamagedLine, Opened, blocks, read_log
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class LogStretch:
         held = 0
         try:
             with self.path.open("rb", buffering=0) as file:
-                part, log = _Bounded(file, self.begin, self.end), CandumpLog()
+                part, log = _Bounded(file, self.begin, self.end), CandumpLog(self.bus)
                 for chunk in read_log(Opened(part, self.name, bus=self.bus), log):
                     self.bases.setdefault(chunk.bus, self.before.sizes[chunk.bus])
                     group.append(chunk)
@@ -76,7 +76,7 @@ class LogStretch:
 
     def count(self) -> LogCount:
         """Return what it holds, as far as its lines make sense."""
-        log, sizes, lines = CandumpLog(), Counter[str](), 0
+        log, sizes, lines = CandumpLog(self.bus), Counter[str](), 0
         try:
             with self.path.open("rb", buffering=0) as file:
                 for block in blocks(_Bounded(file, self.begin, self.end)):
@@ -128,9 +128,7 @@ def _sum(a: LogCount, b: LogCount) -> LogCount:
 
 def notes_of(told: LogCount) -> list[str]:
     """Return what is worth knowing of a log, as its reader has it."""
-    log = CandumpLog()
-    log.errors, log.cut_off = told.errors, told.cut_off
-    return list(log.notes())
+    return list(notes_on(told.errors, cut_off=told.cut_off))
 
 
 def is_one_way(chunks: Sequence[Chunk]) -> bool:

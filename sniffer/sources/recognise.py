@@ -143,6 +143,8 @@ def _strong(lines: list[bytes]) -> str:
             return "jsonl"
     if candump.is_line(first) and (first[:1] == b"(" or not _is_hex(first.split()[0])):
         return "candump"
+    if candump.are_nameless([line for line in lines if not line.startswith(b"#")]):
+        return "candump"
     if found := tool_log(lines):
         return found
     first = lines[0]
