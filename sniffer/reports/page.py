@@ -183,7 +183,7 @@ def _incidents(content: Content) -> Iterator[Markup]:
 
 def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) -> Markup:
     clock = content.clock_of(incident.bus)
-    first, last = (words.moment(t, clock) for t in (incident.first_ns, incident.last_ns))
+    first, last = words.period(incident.first_ns, incident.last_ns, clock)
     when = first if first == last else f"{first} to {last}"
     who = ", ".join(content.names.label(incident.bus, servo) for servo in incident.servo_ids)
     facts = [

@@ -96,7 +96,7 @@ def _verdict(content: Content) -> Iterator[str]:
 
 def _incident(content: Content, incident: Incident) -> Iterator[str]:
     clock = content.clock_of(incident.bus)
-    first, last = (words.moment(t, clock) for t in (incident.first_ns, incident.last_ns))
+    first, last = words.period(incident.first_ns, incident.last_ns, clock)
     when = first if first == last else f"{first} to {last}"
     sign = SIGNS[incident.severity]
     yield f"## {sign} {incident.number}. {told(content.titled(incident))}"

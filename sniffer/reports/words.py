@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 from typing import TYPE_CHECKING
 
-from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS, Clock
-from sniffer.ground.moments import of_day
+from sniffer.ground.moments import date_of, later, of_day
 from sniffer.ground.units import behind
 
 if TYPE_CHECKING:
@@ -48,12 +46,16 @@ def moment(t_ns: int, clock: Clock, digits: int = 3) -> str:
     return f"{t_ns / NS:.{digits}f} s" if clock == Clock.NONE else of_day(t_ns, digits)
 
 
+def period(first_ns: int, last_ns: int, clock: Clock) -> tuple[str, str]:
+    """Return when something began and when it ended, with the day of the end if it is another."""
+    first = moment(first_ns, clock)
+    return first, moment(last_ns, clock) if clock == Clock.NONE else later(last_ns, first_ns)
+
+
 def dated(t_ns: int) -> str:
     """Return a time with its day; seconds where it counts from something else than 1970."""
-    if t_ns < DATED_NS:
-        return f"{t_ns / NS:.3f} s (no date)"
-    day = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date()
-    return f"{day.isoformat()} {of_day(t_ns)} UTC"
+    date = date_of(t_ns)
+    return f"{date} {of_day(t_ns)} UTC" if date else f"{t_ns / NS:.3f} s (no date)"
 
 
 def lasting(ns: float) -> str:

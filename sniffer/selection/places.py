@@ -17,6 +17,7 @@ from sniffer.decoding.called import is_name
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS, OFFSET_END, TIME_END_NS, number_in
 from sniffer.ground.model import NS, InputError
+from sniffer.ground.moments import DAY_NS
 from sniffer.ground.wording import Sentence, and_, spelled
 from sniffer.selection.columns import SEVERITIES, VALUES
 from sniffer.selection.expression import near
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 END: Final = "end"
 """What is sought of a place that is so long before the end of a capture."""
 
-DAY_NS: Final = 86400 * NS
 
 _SECONDS: Final = re.compile(r"[0-9]{1,12}(\.[0-9]*)?|\.[0-9]+")
 _CLOCK: Final = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:\.(\d{1,9}))?)?")

@@ -12,7 +12,7 @@ from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.shared import numbered
 from sniffer.ground.model import Severity, SnifferError
-from sniffer.ground.moments import of_day
+from sniffer.ground.moments import later, of_day
 from sniffer.ground.wording import and_, counted
 
 if TYPE_CHECKING:
@@ -59,10 +59,12 @@ def print_incidents(
         _hang(console, f"{len(incidents)} incidents: ", [Text(each) for each in told])
         console.print()
     leading = _leading(incidents, shared)
+    began_ns = min((i.first_ns for i in incidents), default=0)
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()
-        _print_head(incident, console, clock=clock, is_one_bus=is_one_bus)
+        when = f"{later(incident.first_ns, began_ns, 1)} " if clock else ""
+        _print_head(incident, when, console, clock=clock, is_one_bus=is_one_bus)
         as_which = leading.get(incident.number, incident.number)
         if as_which == incident.number:
             _print_evidence(incident, console, is_one_bus=is_one_bus)
@@ -95,10 +97,10 @@ def _leading(incidents: Sequence[Incident], shared: Sequence[Shared]) -> dict[in
     return out
 
 
-def _print_head(i: Incident, console: Console, *, clock: bool, is_one_bus: bool) -> None:
+def _print_head(i: Incident, when: str, console: Console, *, clock: bool, is_one_bus: bool) -> None:
     """Print when an incident was, and its story; what does not fit goes on below its beginning."""
     level = i.severity.name.lower()
-    head = Text(f"{of_day(i.first_ns, 1)} " if clock else "")
+    head = Text(when)
     head.append(level, style=_COLOUR[level])
     head.append(f"  {_on(i, is_one_bus=is_one_bus)}{i.story}", style="bold")
     often = _how_often(i, clock=clock)
@@ -181,8 +183,8 @@ def _in_short(
 def _how_often(i: Incident, *, clock: bool) -> str:
     """Return how often something happened and until when, where that is more than once."""
     times = f"{i.count} times" if i.count > 1 else ""
-    first, last = of_day(i.first_ns, 1), of_day(i.last_ns, 1)
-    until = f"until {last}" if clock and last != first else ""
+    last = later(i.last_ns, i.first_ns, 1)
+    until = f"until {last}" if clock and last != of_day(i.first_ns, 1) else ""
     return " ".join(filter(None, (times, until)))
 
 

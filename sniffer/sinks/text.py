@@ -13,8 +13,9 @@ from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
-from sniffer.ground.moments import of_day
+from sniffer.ground.moments import DAY_NS, date_of, of_day
 from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.intime import FIRST_NS, READ, InTime
@@ -113,6 +114,7 @@ class TextSink:
         self._last_ns: dict[str, int] = {}
         self._second = -1, ""
         """The second that was told last, in words."""
+        self._day: int | None = None
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
@@ -190,6 +192,10 @@ class TextSink:
             if bus not in self._shown and not self._with_bus:
                 self._lay_out([*self._shown, bus])
                 told.append(self._head())
+            day = None if line.t_ns < DATED_NS else line.t_ns // DAY_NS
+            if self._times == ABSOLUTE and self._day not in (None, day):
+                told.append(self._paint("head", date_of(line.t_ns)))
+            self._day = day
             told.append(self._laid_out(line, bus))
         self._stream.write("\n".join(told) + "\n")
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS
+from sniffer.ground.moments import DAY_NS
 from sniffer.sources.text import DamagedLine, quoted
 
 ZONELESS: Final = "its times are of a clock whose zone is not said: they are taken for UTC"
@@ -23,7 +24,6 @@ _HOUR: Final = 3600
 _PAUSE_MOST: Final = 600
 """Seconds that may pass meanwhile: a clock that goes back by less than the rest was set."""
 
-_DAY_NS: Final = 24 * 3600 * NS
 _NANO: Final = 9  # digits of a fraction that are kept
 
 
@@ -103,7 +103,7 @@ class DayClock:
             shown = quoted(b":".join((hour, minute, second)))
             raise DamagedLine(line, f"there is no time {shown}")
         t_ns = (h * 3600 + m * 60 + s) * NS + int(fraction[:_NANO].ljust(_NANO, b"0"))
-        if t_ns + self._day_ns < self._last_ns - _DAY_NS // 2:
-            self._day_ns += _DAY_NS
+        if t_ns + self._day_ns < self._last_ns - DAY_NS // 2:
+            self._day_ns += DAY_NS
         self._last_ns = t_ns + self._day_ns
         return self._last_ns

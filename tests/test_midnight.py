@@ -1,0 +1,46 @@
+"""Captures that last over a midnight: times of two days are told apart."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import pytest
+
+from tests.commands import within
+
+if TYPE_CHECKING:
+    from tests.test_convert import Capsys
+
+CAPTURE: Final = Path(__file__).parents[1] / "sample_captures" / "mightyzap_damaged.log"
+
+
+@pytest.fixture
+def two_days(tmp_path: Path) -> Path:
+    text = CAPTURE.read_text()
+    later = re.sub(r"(?m)^\((\d+)", lambda t: f"({int(t[1]) + 86400}", text)
+    path = tmp_path / "days.log"
+    path.write_text(text.rstrip("\n") + "\n" + later)
+    return path
+
+
+def test_a_listing_says_where_a_day_begins(two_days: Path, capsys: Capsys) -> None:
+    out = within(capsys, "decode", two_days).out.splitlines()
+    at = out.index("2026-11-21")
+    assert out[at - 1].startswith("22:55:14.00")
+    assert out[at + 1].startswith("22:55:06.00")
+    relative = within(capsys, "decode", two_days, "--time", "rel").out
+    for told in (relative, within(capsys, "decode", CAPTURE).out):
+        assert not re.search(r"(?m)^2026-", told)
+
+
+def test_an_incident_that_ends_on_another_day_says_which(
+    two_days: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    told = within(capsys, "diagnose", two_days).out
+    assert "6 times until 2026-11-21 22:55:13.9" in " ".join(told.split())
+    assert "2026-" not in within(capsys, "diagnose", CAPTURE).out
+    assert within(capsys, "report", two_days, "-o", tmp_path / "r.md").status == 0
+    written = (tmp_path / "r.md").read_text()
+    assert re.search(r"22:55:06\.\d+ to 2026-11-21 22:55:13\.\d+", written)
