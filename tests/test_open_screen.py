@@ -208,6 +208,8 @@ def test_the_mouse_the_size_the_help_and_a_place_that_is_none(tmp_path: Path) ->
         await glass.resize(140, 40)
         assert "offset" in glass.text(app.head)
         assert "voltage 12 V" in glass.current
+        await glass.resize(80, 24)
+        await glass.until(lambda: app.fields.size.width > 30 and app.bytes.size.width > 30)
         await glass.resize(40, 12)
         assert len(glass.current) <= 40
         await glass.press("question_mark")

@@ -34,6 +34,8 @@ from sniffer.selection.selection import complaint
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from textual.events import Resize
+
     from sniffer.inside.reading import Reading
     from sniffer.inside.recorder import BesideRecorder
 
@@ -217,10 +219,10 @@ class LookingGlass(App[None]):
         """Light the bytes of the field."""
         self._light()
 
-    def on_resize(self) -> None:
-        """Give the bytes room where there is some."""
-        self.set_class(self.size.width >= 120, "wide")
-        self.screen.set_class(self.size.width >= 120, "wide")
+    def on_resize(self, event: Resize) -> None:
+        """Give the bytes room where there is some; the size of the app is still the one before."""
+        self.set_class(event.size.width >= 120, "wide")
+        self.screen.set_class(event.size.width >= 120, "wide")
         self._top()
         self.call_after_refresh(self._show)
 
