@@ -1,4 +1,4 @@
-"""``python -m sniffer`` and the command ``sniffer``; Ctrl-C, from the first moment on."""
+"""``python -m sniffer`` and the command ``sniffer``; Ctrl-C (and SIGTERM), from the first moment."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class Interruptions:
 
     The second one, ``SAME_S`` later, ends it at once, whatever is being tidied up. Commands that
     take interruptions otherwise take the signal over for as long. Who has the signal ignored, as
-    shells do for what runs behind, keeps that.
+    shells do for what runs behind, keeps that. SIGTERM, as ``timeout`` and services send it, does
+    what Ctrl-C does at that moment.
 
     Use it with ``with``, in the main thread, for all of a program: once ``end`` was called nothing
     of it is raised any more until the process is gone.
@@ -47,6 +48,8 @@ class Interruptions:
             self._otherwise = sys.unraisablehook
             sys.unraisablehook = self._unraisable
             _signal.signal(_signal.SIGINT, self._take)
+        if _signal.getsignal(_signal.SIGTERM) is _signal.SIG_DFL:
+            _signal.signal(_signal.SIGTERM, self._end)
         return self
 
     def __exit__(
@@ -80,6 +83,10 @@ class Interruptions:
             raise KeyboardInterrupt
         if now - self._since > SAME_S:
             leave()
+
+    def _end(self, number: int, frame: object) -> None:
+        interrupt = _signal.getsignal(_signal.SIGINT)
+        (interrupt if callable(interrupt) else self._take)(_signal.SIGINT, frame)
 
     def _unraisable(self, told: Any) -> None:
         """Take what Python would print, and go on, as in a destructor: Ctrl-C is raised again."""

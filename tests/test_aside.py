@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from typing import TYPE_CHECKING
 
@@ -108,3 +110,18 @@ def test_what_is_decoded_of_one_bus_is_written_also_where_another_is_none(
     assert ran.status == 2
     assert "on leg" in ran.complaint
     assert out.read_bytes().startswith(b'{"type":"frame","bus":"arm"')
+
+
+@posix
+def test_what_a_killed_run_put_away_is_gone_once_something_is_in_its_place(
+    good: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    kept = tmp_path / "x.csv"
+    kept.write_bytes(b"half of it")
+    names = {ended.pid: False, os.getppid(): True, "mine": True}
+    for name in names:
+        (tmp_path / f".x.csv.{name}.old").write_bytes(DEAR)
+    assert within(capsys, "convert", good, kept, "--force").status == 0
+    assert {name: (tmp_path / f".x.csv.{name}.old").exists() for name in names} == names

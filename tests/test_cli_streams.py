@@ -87,8 +87,11 @@ def test_standard_input_is_decoded_like_a_file(good: Path) -> None:
 # --- Ctrl-C ------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT to a child")
-def test_ctrl_c_keeps_what_was_decoded(tmp_path: Path) -> None:
+def test_ctrl_c_and_a_polite_kill_keep_what_was_decoded(
+    number: signal.Signals, tmp_path: Path
+) -> None:
     out = tmp_path / "x.parquet"
     data = talk(5000)
     with subprocess.Popen(
@@ -102,7 +105,7 @@ def test_ctrl_c_keeps_what_was_decoded(tmp_path: Path) -> None:
         process.stdin.flush()
         said = process.stderr.readline()  # the protocol is found: decoding has begun
         time.sleep(0.3)  # and it waits for more
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         printed = process.stdout.read().decode()
         said += process.stderr.read()
     ran = Ran(process.returncode, printed, said.decode())

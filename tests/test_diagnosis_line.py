@@ -186,15 +186,15 @@ def held_at(value: int) -> set[str]:
     return codes(robot("mightyzap", 4, behind=hold).diagnosed())
 
 
-def two_makes() -> set[str]:
-    """Servos of two makes on one line, of which the tap knows both."""
+def two_makes(known: str = "mightyzap+wck") -> set[str]:
+    """Servos of two makes on one line, of which the tap knows both, or one."""
     it, theirs = robot_of(seconds=(3, 3)), robot_of("wck", seconds=(3, 3))
     guests = bench_of(theirs, 5)
     bench = bench_of(it, 5, also=[guests])
     rng = random.Random(5)
     turns = {"mightyzap": program(it, bench, rng), "wck": program(theirs, guests, rng)}
     rows = tapped(talked(it, 5, bench, pattern=patterns.in_turns(turns)))
-    return found(rows, "mightyzap+wck")
+    return found(rows, known)
 
 
 ALL: Final = frozenset(
@@ -254,6 +254,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "two requests at once": lambda: codes(asked_at_once("wck").diagnosed()),
         "sparks of all": sparks_of_all,
         "two makes": two_makes,
+        "one of two makes": lambda: two_makes("mightyzap"),
         "other protocol": lambda: as_other("mightyzap"),
         "other rate": lambda: as_other("rs30x", 2.0),
         "near rate": lambda: as_other("rs30x", 128 / 115.2),
@@ -310,7 +311,8 @@ TOLD: Final = (
     ("damage-whatever-moves", "noise for long", "sparks"),
     ("damage-behind-steps", "sparks of all", "chatter"),
     ("two-protocols", "two makes", "other protocol"),
-    ("foreign-frames", "other protocol", "noise"),
+    ("foreign-frames", "one of two makes", "other protocol"),
+    ("other-protocol", "other protocol", "one of two makes"),
     ("nothing-holds", "other rate", "noise"),
     ("begins-hold", "wrong lengths", "other rate"),
     ("bits-of-another-rate", "other rate", "other protocol"),

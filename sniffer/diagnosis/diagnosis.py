@@ -151,7 +151,7 @@ class Diagnosis:
             if in_vain:
                 told += f" ({counted(in_vain, 'id')} asked in vain)"
             parts.append(
-                f"{judged['bus']}: {judged['frames']} {judged['protocol']} frames of "
+                f"{judged['bus']}: {counted(judged['frames'], judged['protocol'] + ' frame')} of "
                 f"{told} {over}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)

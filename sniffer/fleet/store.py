@@ -23,6 +23,7 @@ import pyarrow.fs as pafs
 from sniffer.fleet.objects import ObjectPlace, find_objects, send_object
 from sniffer.fleet.places import is_remote, place_of
 from sniffer.ground.model import InputError
+from sniffer.ground.processes import is_gone
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -262,22 +263,8 @@ class Store:
 def _is_left(folder: Path) -> bool:
     """Tell whether nobody works in a folder any more: its process is gone, or it is old."""
     node, _, rest = folder.name.rpartition("-")[0].rpartition("-")
-    if node == platform.node() and rest.isdecimal() and os.name == "posix":  # elsewhere 0 kills
-        try:
-            os.kill(int(rest), 0)
-        except ProcessLookupError:
-            return True
-        except PermissionError:
-            return False
-        return _is_corpse(int(rest))
+    if node == platform.node() and rest.isdecimal() and os.name == "posix":
+        return is_gone(int(rest))
     with contextlib.suppress(OSError):
         return time.time() - folder.stat().st_mtime > STALE_S
-    return False
-
-
-def _is_corpse(process: int) -> bool:
-    """Tell whether a process has ended, and nobody has asked yet how (proc(5), stat: Z, X)."""
-    with contextlib.suppress(OSError):  # there is no /proc but on Linux
-        told = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
-        return told.rpartition(")")[2].split()[0] in "ZX"
     return False

@@ -5,15 +5,20 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.ground.files import occupied
 from sniffer.ground.model import InputError, OutputError
+from sniffer.ground.processes import is_gone
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
+
+
+OLD: Final = ".old"
+"""What the name of a file ends in that was put away."""
 
 
 class Aside:
@@ -35,7 +40,7 @@ class Aside:
         self._new += [file for file in files if not file.exists()]
         for file in filter(occupied, files):
             path = file.resolve()
-            held = path.with_name(f".{path.name[:200]}.{os.getpid()}.old")
+            held = path.with_name(f"{_hidden(path)}{os.getpid()}{OLD}")
             with contextlib.suppress(OSError):
                 path.rename(held)
                 self._held.append((path, held))
@@ -49,11 +54,27 @@ class Aside:
         self._held.clear()
 
     def drop(self) -> None:
-        """Delete them: others stand in their place, which whoever might read them may read."""
+        """Delete them: others stand in their place, which whoever might read them may read.
+
+        So are those that runs left which were killed.
+        """
         for path, held in self._held:
             with contextlib.suppress(OSError):
                 shutil.copymode(held, path)
-            held.unlink(missing_ok=True)
+            for left in (held, *_left(path)):
+                left.unlink(missing_ok=True)
+
+
+def _hidden(path: Path) -> str:
+    return f".{path.name[:200]}."
+
+
+def _left(path: Path) -> list[Path]:
+    """Return what stood in the place of a file, put away by processes that are gone."""
+    begin = _hidden(path)
+    away = [p for p in path.parent.iterdir() if p.name.startswith(begin) and p.suffix == OLD]
+    numbers = {p: p.name[len(begin) : -len(OLD)] for p in away}
+    return [p for p, number in numbers.items() if number.isdecimal() and is_gone(int(number))]
 
 
 @contextlib.contextmanager

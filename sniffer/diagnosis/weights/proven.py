@@ -19,6 +19,9 @@ ALL_ASKED = "all-asked-at-once"
 WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
 """The proof of a rate: what holds at another one is chance, and says nothing of anybody."""
 
+MIXED, OTHER = "mixed-protocols", "other-protocol"
+"""The proof that nobody speaks the protocol: what holds of it is chance, and tells of nobody."""
+
 _TORN: Final = tuple(
     dict.fromkeys(
         w.finding
@@ -63,6 +66,11 @@ _SUSPECTS: Final = (
     *("tap-loss", "tap-one-way", "echo"),
 )
 """Causes that are concluded from torn frames, or from frames that are missing."""
+
+_BY_CHANCE: Final = tuple(
+    dict.fromkeys(w.finding for w in _WEIGHED if w.cause in _SUSPECTS and w.weight > 0)
+)
+"""What is found where frames of another protocol hold as those of this one now and then."""
 
 _OF_FRAMES: Final = (
     *("brownout", "servo-reset-loop", "torque-off", "stall", "overheat", "overload"),
@@ -114,6 +122,21 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         for cause in CAUSES
         if cause != WRONG_BAUD
         for weight in for_(cause, (READ_TWICE, -12.0, "at the right rate none of it may be there"))
+    ),
+    *for_(
+        MIXED,
+        (OTHER, 12.0, "nearly all that was said are frames of another protocol"),
+        *(
+            (code, 0.1, "what holds of a protocol that nobody speaks holds by chance")
+            for code in _BY_CHANCE
+            if code not in {w.finding for w in _WEIGHED if w.cause == MIXED}
+        ),
+    ),
+    *(
+        weight
+        for cause in CAUSES
+        if cause != MIXED
+        for weight in for_(cause, (OTHER, -12.0, "nobody speaks the protocol that it would be of"))
     ),
     *(
         weight
