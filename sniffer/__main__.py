@@ -1,4 +1,4 @@
-"""``python -m sniffer`` and the command ``sniffer``; Ctrl-C (and SIGTERM), from the first moment."""
+"""``python -m sniffer`` and the command ``sniffer``; Ctrl-C and SIGTERM from the first moment."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import ALARM, SINCE
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.codes import REQUEST
-from sniffer.ground.model import DamagedInputError
+from sniffer.ground.model import Clock, DamagedInputError
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
 from sniffer.messages import OFFSET
@@ -39,9 +39,13 @@ _KEPT: Final = frozenset({"rate", "model", ALARM.removesuffix("."), "clock"})
 
 
 class _Serials:
-    """A sink that finds the bytes of serial numbers, and what to write in their place."""
+    """A sink that finds serial numbers: their bytes, and what to write in their place.
+
+    It keeps when the first frame had come, too.
+    """
 
     def __init__(self) -> None:
+        self.first_ns: int | None = None
         self.found: dict[str, list[tuple[int, bytes]]] = {}
         """By bus: offset in the stream, and its bytes from there on without the number."""
         self._asked: dict[tuple[str, str], bytes] = {}
@@ -54,6 +58,9 @@ class _Serials:
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Look for frames that state a serial number, and for what stands behind its request."""
         f, v = batch.frames, batch.values
+        if len(f) and batch.clock != Clock.NONE:
+            earliest = int(f.t_end.min())
+            self.first_ns = earliest if self.first_ns is None else min(self.first_ns, earliest)
         named = [k for k, r in enumerate(protocol.registers) if r.name.endswith(SERIAL)]
         registers = [protocol.registers[k] for k in named]
         places = [r.address for r in registers]
@@ -145,6 +152,7 @@ def anonymous(
     serials = _Serials()
     names = {} if named is None else named
     first: list[int] = []
+    """When the first bytes were handed over, if there was a clock: others may have come before."""
 
     def heard(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
         for group in groups:
@@ -163,7 +171,9 @@ def anonymous(
         pipeline.close()
     except UndecidedError:
         tell.warn("serial numbers on the bus are not looked for: its protocol cannot be told")
-    began = first[0] if first else 0
+    if serials.first_ns is not None:  # a host may have held frames back that came long before
+        first.append(serials.first_ns)
+    began = min(first, default=0)
 
     def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
         blanks = {bus: Blanks(sorted(found)) for bus, found in serials.found.items()}
