@@ -6,7 +6,7 @@ import itertools
 import json
 import tracemalloc
 from dataclasses import replace
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import example, given
@@ -19,6 +19,9 @@ from tests.commands import within
 from tests.inputs import chunks
 from tests.streams.mightyzap import packet
 from tests.test_convert import T0, Capsys, recording
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SERIAL = b"*5QN87654321\r"
 
