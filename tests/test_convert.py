@@ -276,3 +276,25 @@ def test_parts_that_a_shell_put_for_a_pattern_are_not_replaced(
         assert "run-2.mcap would be written, not read; `sniffer merge" in ran.err
         assert "--together reads several as one capture" in ran.err
         assert second.read_bytes() == b"kept"
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({}, ""),
+        ({"baud.arm": "57600"}, "the bytes do not tell their rate: decode them with --baud 57600"),
+        (
+            {"baud.arm": "57600", "baud.leg": "115200"},
+            "the bytes do not tell their rates (57600 on arm and 115200 on leg): a recording does",
+        ),
+    ],
+)
+def test_a_rate_that_a_recording_tells_and_a_log_does_not_is_said(
+    facts: dict[str, str], said: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    told = [Chunk(packet(1, 0xF1), T0, Clock.READ, bus) for bus in ("arm", "leg")]
+    source = recording(tmp_path / "in.mcap", told, **facts)
+    ran = within(capsys, "convert", source, tmp_path / "x.log")
+    assert ran.status == 0
+    assert ("do not tell their rate" in ran.err) == bool(said)
+    assert said in ran.err

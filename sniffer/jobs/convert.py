@@ -168,7 +168,7 @@ def convert_opened(
         if raw and asked is not None and asked.selection is not None:
             every += _selected(raw, outputs, asked.selection, tell)
             raw = []
-        copies = Copies(raw)
+        copies = Copies(raw, Options().with_facts(facts).bauds)
         if raw and not every:
             ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
             return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))

@@ -6,10 +6,11 @@ import contextlib
 from typing import TYPE_CHECKING, TypeVar
 
 from sniffer.ground.model import DamagedInputError, InputError, OutputError
+from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.session import Ending, Patience
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.jobs.telling import Teller
@@ -20,10 +21,14 @@ if TYPE_CHECKING:
 
 
 class Copies:
-    """Hands what is read to files of bytes; one that fails is given up, the others go on."""
+    """Hands what is read to files of bytes; one that fails is given up, the others go on.
 
-    def __init__(self, files: Sequence[RawFile]) -> None:
+    ``rates`` are those that the source tells of its buses: files of bytes do not.
+    """
+
+    def __init__(self, files: Sequence[RawFile], rates: Mapping[str, int] | None = None) -> None:
         self._files = list(files)
+        self._rates = rates or {}
         self._failure: OutputError | None = None
 
     def of(self, groups: Iterable[_Group]) -> Iterator[_Group]:
@@ -57,9 +62,20 @@ class Copies:
         for file in self._files:
             if told := file.lost():
                 tell.talk(told)
+        if self._files and self._rates:
+            tell.talk(_untold(self._rates))
         self._files = []
         if self._failure is not None:
             raise self._failure
+
+
+def _untold(rates: Mapping[str, int]) -> str:
+    """Return that bytes alone do not tell their rates, and what does."""
+    if len({*rates.values()}) == 1:
+        told = "the bytes do not tell their rate: decode them with {baud} {rate}"
+        return Sentence(told, rate=next(iter(rates.values())))
+    each = and_([f"{rate} on {bus}" for bus, rate in rates.items()])
+    return f"the bytes do not tell their rates ({each}): a recording does"
 
 
 def copy_source(
