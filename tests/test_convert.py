@@ -17,6 +17,7 @@ from sniffer.sinks.raw import RAW_FILES
 from sniffer.sources import open_source
 from tests.commands import within
 from tests.inputs import chunks, read
+from tests.streams.mightyzap import packet
 
 Capsys = pytest.CaptureFixture[str]
 
