@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,6 +18,7 @@ from tests.commands import (
     talk,
     within,
 )
+from tests.terminals import Terminal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -121,6 +123,17 @@ def test_a_directory_is_no_input(tmp_path: Path, capsys: Capsys) -> None:
     ran = within(capsys, "decode", tmp_path)
     assert ran.status == 2
     assert ran.complaint == f"{tmp_path} is a directory: give the file in it"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="known by its device number on Linux")
+def test_a_port_is_no_input_and_is_not_opened(tmp_path: Path, capsys: Capsys) -> None:
+    link = tmp_path / "port"
+    with Terminal() as line:
+        link.symlink_to(line.path)
+        for name in (line.path, link):
+            ran = within(capsys, "decode", name)
+            assert ran.status == 2
+            assert ran.complaint == f"{name} is a port: `sniffer record {name}` listens to it"
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: Capsys) -> None:

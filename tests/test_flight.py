@@ -18,6 +18,7 @@ from tests.recorder import Recorder, assert_true_to_itself, codes, facts, heard,
 from tests.recordings import messages
 from tests.streams.mightyzap import packet
 from tests.terminals import LINUX_ONLY, Terminal, wait
+from tests.transcripts import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -258,6 +259,24 @@ def test_killed_it_leaves_its_ring_on_the_disk(tmp_path: Path, line: Terminal) -
         ran = run.stop()
     assert "did not end" not in ran.err, "one that was ended on purpose is replaced"
     assert len(files(tmp_path)) == 1
+
+
+@pytest.mark.parametrize("content", ["notes", "recording"])
+def test_a_ring_replaces_no_file_that_is_no_ring(
+    content: str, tmp_path: Path, line: Terminal
+) -> None:
+    kept = tmp_path / "ring.mcap"
+    kept.write_text("dear to somebody")
+    if content == "recording":
+        kept.unlink()
+        sniffer("convert", ROOT / "sample_captures" / "mightyzap_clean.log", kept)
+    before = kept.read_bytes()
+    told = ("--ring", "1s", "--trigger", "no-response", "--ring-file", kept)
+    port = f"{line.path}=mightyzap@57600"
+    ran = sniffer("record", port, *told, "-o", tmp_path, "--duration", "100ms")
+    assert ran.status == 2
+    assert ran.complaint == f"{kept} is there already: choose another name, or --force"
+    assert kept.read_bytes() == before
 
 
 def test_the_ring_on_the_disk_has_at_any_time_all_that_the_ring_has(tmp_path: Path) -> None:

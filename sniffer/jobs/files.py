@@ -12,6 +12,7 @@ from sniffer.ground.model import NS, OutputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.outputs import open_outputs
 from sniffer.mcapfile.flight import RING_MOST, Around, FlightRecorder
+from sniffer.mcapfile.ringfile import is_ring
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.sinks import suffix_known
 from sniffer.tap.watching import awaited_in
@@ -101,6 +102,9 @@ def check_files(files: Files) -> None:
             raise SnifferError(Sentence(told))
         for text in files.flight.triggers:
             awaited_in(text)
+        ring_file = files.flight.ring_file
+        if ring_file is not None and not files.overwrite and not is_ring(ring_file):
+            refuse_occupied([ring_file])
     own = () if files.recording is None else (files.recording,)
     for path in (*own, *files.others):
         suffix_known(path)

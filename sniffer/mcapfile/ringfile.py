@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.names import joined
 from sniffer.ground.files import occupied, writing
+from sniffer.ground.model import InputError
 from sniffer.mcapfile.ring import MARGIN_NS, RingBlock
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 ONLY_RAW: Final = ("raw",)
+
+RING: Final = "ring"
+"""The fact by which a ring on the disk is known."""
 
 STEP: Final = 4 << 20
 """Bytes of the ring that are copied in one round: some ten ms."""
@@ -107,7 +111,7 @@ class RingFile:
     def _begin(self, path: Path, starts: Mapping[str, int]) -> McapSink:
         from sniffer.mcapfile.sink import McapSink  # the mcap library is loaded when it is needed
 
-        facts = {**self._session, "ring": "the last of what was heard, before anything happened"}
+        facts = {**self._session, RING: "the last of what was heard, before anything happened"}
         facts |= {f"protocol.{bus}": name for bus, name in self._spoken.items()}
         return McapSink(
             path, facts, live=True, durable=self._durable, topics=ONLY_RAW, starts=starts
@@ -140,6 +144,15 @@ class RingFile:
         self._sink.abandon()
         self._sink, self._next = sink, None
         self._first_ns, self._bytes = self._next_first_ns, self._next_bytes
+
+
+def is_ring(path: Path) -> bool:
+    """Tell whether a file is a ring of some recorder, ended or not."""
+    from sniffer.mcapfile.source import session
+
+    with contextlib.suppress(InputError):
+        return RING in session(path)
+    return False
 
 
 def put_aside(path: Path, aside: Path) -> bool:

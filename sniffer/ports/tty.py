@@ -25,6 +25,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.devices import is_pseudo
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence
 from sniffer.ports import kernel
@@ -54,7 +55,6 @@ UART_HOLDS: Final = 20
 """Bytes' time that a UART's FIFO may wait: a 16550A is emptied at 14 bytes at the latest and a
 PL011 at 16, and both tell of a rest after a silence of four (data sheets of NS and ARM)."""
 
-_PTY_MAJORS: Final = range(136, 144)  # Documentation/admin-guide/devices.txt, UNIX98 pty slaves
 _TERMINALS_MAJOR: Final = 5  # /dev/tty, /dev/console, /dev/ptmx
 _CONSOLES: Final = (4, range(64))  # /dev/tty0 to /dev/tty63, the same file
 _GONE: Final = (errno.ENXIO, errno.EIO, errno.ENODEV)
@@ -78,7 +78,7 @@ class TtyPort:
             self.path = _lasting(name, info)
         except OSError as error:  # it went away while it was looked at
             raise _explained(name, error, PortInfo(name)) from None
-        self.is_virtual = os.major(found.st_rdev) in _PTY_MAJORS
+        self.is_virtual = is_pseudo(found)
         self.usb = info.usb
         self._tells = NO_LINE if self.is_virtual else tells(info)
         self.marks_errors = self._tells.marks
@@ -308,7 +308,7 @@ def _refuse_terminals(name: str) -> os.stat_result:
         raise no_port(name)
     is_console = major == _CONSOLES[0] and minor in _CONSOLES[1]
     is_ours = any(os.fstat(fd).st_rdev == found.st_rdev for fd in range(3) if _is_terminal(fd))
-    is_used = major in _PTY_MAJORS and _has_a_session(major, minor)
+    is_used = is_pseudo(found) and _has_a_session(major, minor)
     if major == _TERMINALS_MAJOR or is_console or is_ours or is_used:
         what = "the terminal you type in" if is_ours else "a terminal"
         what += " that somebody types in" if is_used and not is_ours else ""

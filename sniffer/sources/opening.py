@@ -18,6 +18,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
+from sniffer.ground.devices import is_port
 from sniffer.ground.files import STDIN
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.pcapfile.layout import PCAP_MAGICS, PCAPNG_MAGIC
@@ -268,10 +269,11 @@ def find(path: str | Path | bytes | bytearray | memoryview) -> Origin:
         return Pipe(sys.stdin.buffer, "standard input", owned=False)
     path = Path(path)
     with _explained(path):
-        mode = path.stat().st_mode
+        status = path.stat()
+        mode = status.st_mode
         if stat.S_ISDIR(mode):
             raise InputError(f"{_shown(path)} is a directory: give the file in it")
-        if stat.S_ISCHR(mode) and path.resolve().name.startswith(("tty", "cu.")):
+        if is_port(path, status):
             raise InputError(
                 f"{_shown(path)} is a port: `sniffer record {_shown(path)}` listens to it"
             )

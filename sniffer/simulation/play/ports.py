@@ -14,7 +14,6 @@ import errno
 import fcntl
 import os
 import select
-import stat
 import struct
 import sys
 import termios
@@ -23,6 +22,7 @@ import tty
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
+from sniffer.ground.devices import is_pseudo
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import Sentence
 
@@ -37,10 +37,6 @@ them in the background."""
 FETCH_S: Final = 5.0
 """How long the end waits for a reader that has the port open and fetches nothing: one on a busy
 machine may not be run for a second."""
-
-PTY_MAJORS: Final = range(136, 144)
-"""Device numbers of the slaves of pseudo-terminals.
-Source: Linux, Documentation/admin-guide/devices.txt, 136-143 char."""
 
 _BOTHER: Final = 0o010000
 _CBAUD: Final = 0o010017
@@ -156,15 +152,6 @@ class Pty:
             yield slave
         finally:
             os.close(slave)
-
-
-def is_pseudo(status: os.stat_result) -> bool:
-    """Tell by its device number whether a file is the slave of a pseudo-terminal.
-
-    Other systems than Linux do not say so: there everything is taken for a serial port.
-    """
-    is_device = sys.platform == "linux" and stat.S_ISCHR(status.st_mode)
-    return is_device and os.major(status.st_rdev) in PTY_MAJORS
 
 
 class Device:
