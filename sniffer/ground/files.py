@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import stat
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol, TextIO
 
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
+    from collections.abc import Iterable, Iterator, Sequence
 
 STDIN: Final = "-"
 """What is given in place of a file for what comes on standard input."""
@@ -53,6 +53,11 @@ def beside(path: Path) -> Path:
 def files_of(path: Path, *, wide: bool = False) -> tuple[Path, ...]:
     """Return all files that an output writes; a ``wide`` table is one."""
     return (path, beside(path)) if path.suffix.lower() in TABLES and not wide else (path,)
+
+
+def paths_of(outputs: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Return the files that are written, of one name or of several."""
+    return [Path(outputs)] if isinstance(outputs, str | Path) else [*map(Path, outputs)]
 
 
 def occupied(path: Path) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
-from sniffer.ground.files import STDIN, TABLES
+from sniffer.ground.files import STDIN, TABLES, paths_of
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
@@ -46,7 +46,7 @@ class Converted:
 
 def convert(
     source: str | Path | Sequence[str | Path],
-    outputs: Sequence[Path],
+    outputs: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -90,6 +90,7 @@ def convert(
         OutputError: a file cannot be written; the others are whole.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    outputs = paths_of(outputs)
     options = options or Options()
     options.check()
     asked = None

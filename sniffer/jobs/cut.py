@@ -12,6 +12,7 @@ from sniffer.decoding.parting import Slicer
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.slicing import first_told_ns
 from sniffer.decoding.spans import sliced
+from sniffer.ground.files import paths_of
 from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 def cut(
     source: str | Path | Sequence[str | Path],
-    outputs: Sequence[Path],
+    outputs: str | Path | Sequence[str | Path],
     window: Window,
     options: Options | None = None,
     *,
@@ -77,6 +78,7 @@ def cut(
         OutputError: a file cannot be written; the others are whole.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    outputs = paths_of(outputs)
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)

@@ -13,6 +13,7 @@ from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.options import AUTO, SINCE, Options
 from sniffer.decoding.pacing import ASSUMED
+from sniffer.ground.files import paths_of
 from sniffer.ground.limits import GROUP_CHUNKS
 from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
 from sniffer.ground.timing import LATENCY_NS, byte_time_ns
@@ -72,7 +73,7 @@ class _Input:
 
 def merge(
     sources: Sequence[str | Path],
-    outputs: Sequence[Path],
+    outputs: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     offsets: Mapping[str, int] | None = None,
@@ -112,6 +113,7 @@ def merge(
         OutputError: a file cannot be written; the others are whole.
         SnifferError: unknown protocol or model, or arguments that do not fit.
     """
+    outputs = paths_of(outputs)
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)

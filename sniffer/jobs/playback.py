@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from sniffer.decoding.detect import ENOUGH
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.collecting import Promptly
+from sniffer.ground.files import paths_of
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
@@ -117,7 +118,7 @@ def play_back(
     speed: float = 1.0,
     loop: bool = False,
     echo: bool = False,
-    outputs: Sequence[Path] = (),
+    outputs: str | Path | Sequence[str | Path] = (),
     overwrite: bool = False,
     stop: Stop | None = None,
     tell: Teller | None = None,
@@ -148,6 +149,7 @@ def play_back(
         OutputError: a port cannot be had, or is a serial port and ``transmit`` was not said.
         SnifferError: things that do not go together were asked for.
     """
+    outputs = paths_of(outputs)
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)

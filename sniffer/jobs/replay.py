@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import over
+from sniffer.ground.files import paths_of
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
@@ -162,7 +163,7 @@ def replay(
     selection: Selection | None = None,
     speed: float = 1.0,
     loop: bool = False,
-    outputs: Sequence[Path] = (),
+    outputs: str | Path | Sequence[str | Path] = (),
     overwrite: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -189,6 +190,7 @@ def replay(
         OutputError: a file cannot be written.
         SnifferError: standard input can be read only once.
     """
+    outputs = paths_of(outputs)
     if loop and outputs:
         raise SnifferError(Sentence("{loop} plays the same again: it is written once, without"))
     inputs = inputs_of(source)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.parting import Splitter
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.spans import PieceRow
-from sniffer.ground.files import called, files_of, numbered
+from sniffer.ground.files import called, files_of, numbered, paths_of
 from sniffer.ground.model import SnifferError
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
@@ -49,7 +49,7 @@ class SplitPiece:
 
 def split(
     source: str | Path | Sequence[str | Path],
-    outputs: Sequence[Path],
+    outputs: str | Path | Sequence[str | Path],
     every_ns: int | None,
     window: Window | None = None,
     options: Options | None = None,
@@ -86,6 +86,7 @@ def split(
             before it are whole.
         SnifferError: there would be more than 1000 pieces, they have no length, or as ``cut``.
     """
+    outputs = paths_of(outputs)
     if every_ns is not None and every_ns < 1:
         raise SnifferError(f"every_ns {every_ns}: a piece has 1 ns at least")
     options = options or Options()
