@@ -84,6 +84,24 @@ def test_a_terminal_is_as_it_was_however_it_ends(end: str, tmp_path: Path) -> No
 
 
 @LINUX_ONLY
+@pytest.mark.parametrize("begun", ["", "(17952"])
+def test_a_log_that_has_no_line_yet_is_waited_for(begun: str, tmp_path: Path) -> None:
+    growing = tmp_path / "growing.log"
+    growing.write_text(begun)
+    shell = Shell("open", growing.name, "--follow", "--protocol", "mightyzap", cwd=tmp_path)
+    try:
+        shell.read(lambda seen: b"growing.log: waiting for its first line" in seen)
+        with growing.open("a") as log:
+            log.write(CLEAN.read_text().removeprefix(begun))
+        shell.read(lambda seen: b"load_data" in seen and b"FF FF" in seen)
+        os.write(shell.master, b"q")
+        assert shell.ended() == 0
+        assert b"no frame" not in shell.seen
+    finally:
+        shell.close()
+
+
+@LINUX_ONLY
 def test_the_screen_is_on_the_terminal_where_warnings_go_to_a_file(tmp_path: Path) -> None:
     with (tmp_path / "warnings.txt").open("w") as warnings:
         shell = Shell("open", CLEAN, cwd=tmp_path, warnings=warnings.fileno())

@@ -73,6 +73,7 @@ def open(
             follow=follow,
             selection=selection,
             start=start or "",
+            tell=say,
         )
         return DONE
     if start is not None:

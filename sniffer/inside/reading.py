@@ -15,6 +15,7 @@ from sniffer.ground.runs import ChunkRun
 from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.sources import SOURCES
+from sniffer.sources.recognise import HEAD, is_printable
 from sniffer.sources.text import Opened
 
 if TYPE_CHECKING:
@@ -41,6 +42,13 @@ a recorder holds back."""
 
 WAITING_MOST: Final = 1 << 14
 """Chunks that are read ahead of what decodes them."""
+
+
+def has_begun(path: Path) -> bool:
+    """Tell whether a file that somebody writes shows what it is: it has a line, or is no text."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    return len(head) == HEAD or not is_printable(head) or b"\n" in head or b"\r" in head
 
 
 class GrowingFile:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import stat
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,12 +15,12 @@ from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_textual
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.marks import into_recording
-from sniffer.inside.reading import Reading
+from sniffer.inside.reading import LOOK_S, Reading, has_begun
 from sniffer.inside.recorder import BesideRecorder
 from sniffer.sources.several import inputs_of, open_capture
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from sniffer.selection.selection import Selection
 
@@ -36,6 +37,7 @@ def look_inside(
     recorder: BesideRecorder | None = None,
     selection: Selection | None = None,
     start: str = "",
+    tell: Callable[[str], None] = lambda line: None,
 ) -> Reading:
     """Show a capture on the terminal; return what was read when the user quits.
 
@@ -43,10 +45,11 @@ def look_inside(
         source: a path; several are one capture, whose marks are not kept.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
-        follow: the file is being written: show what comes.
+        follow: the file is being written: show what comes, from its first line on.
         recorder: what writes it, where a port is shown.
         selection: which lines are shown until another filter is asked for.
         start: the place where it begins (``selection.places``); empty: the first line.
+        tell: takes what there is to say before there is a screen.
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
@@ -57,6 +60,8 @@ def look_inside(
     need_terminal(*map(str, inputs))
     options = options or Options()
     options.check()
+    if follow and recorder is None:
+        _wait_for_a_line(Path(inputs[0]), tell)
     with open_capture(inputs, input_format, wiring=options.wired) as opened:
         if selection is not None:
             selection = selection.named(options.called_with(opened.facts()))
@@ -126,6 +131,14 @@ def look_at_port(
         )
     finally:
         recorder.stop()
+
+
+def _wait_for_a_line(path: Path, tell: Callable[[str], None]) -> None:
+    """Wait until a file that somebody writes has a line: by that it is known what it is."""
+    if path.is_file() and not has_begun(path):
+        tell(f"{path}: waiting for its first line")
+        while path.is_file() and not has_begun(path):
+            time.sleep(LOOK_S)
 
 
 def need_terminal(*sources: str) -> None:

@@ -75,7 +75,7 @@ def recognise(head: bytes, suffix: str = "") -> str:
     found = _strong(lines)
     if found:
         return found
-    if not _is_printable(b"\n".join(lines[:FIRST_LINES])):
+    if not is_printable(b"\n".join(lines[:FIRST_LINES])):
         _refuse_colours(lines)
         return "bin"
     refuse_log([line for line in lines[:FIRST_LINES] if not labelled.states(line)])
@@ -104,7 +104,8 @@ def _lines(text: bytes) -> list[bytes]:
     return [tidy(line) for line in lines if line.strip()]
 
 
-def _is_printable(text: bytes) -> bool:
+def is_printable(text: bytes) -> bool:
+    """Tell whether bytes are signs of a text, in any encoding that begins as ASCII does."""
     return len(text.translate(None, _CONTROL)) == len(text)
 
 
@@ -114,7 +115,7 @@ def _is_text(text: bytes) -> bool:
     except UnicodeDecodeError as error:
         # the head may end in mid-character
         return error.start >= len(text) - 3 and len(text) >= HEAD - len(UTF8_BOM)
-    return _is_printable(text)
+    return is_printable(text)
 
 
 def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
