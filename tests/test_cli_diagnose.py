@@ -15,6 +15,7 @@ from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from sniffer.simulation.render import candump, frame_reads
 from tests.commands import Ran, within
+from tests.commands import sniffer as command
 from tests.conversations import Conversation, robot
 from tests.golden import CAPTURES, captures
 
@@ -182,6 +183,15 @@ def test_where_what_no_cause_explains_is_drawn_can_be_copied(
         few_lost(tmp_path / name)
         words = " ".join(diagnose.says(name).out.split())
         assert f"`sniffer explain {as_typed}` draws the first of them." in words
+
+
+def test_what_no_cause_explains_in_a_part_is_drawn_in_the_part(diagnose: Asked) -> None:
+    capture = CAPTURES / "mightyzap_damaged.log"
+    words = " ".join(diagnose.says(capture, "--from", "7.9").out.split())
+    (place,) = re.findall(r"mightyzap_damaged\.log@(\d+)` draws the first of them", words)
+    assert int(place) > 18_000
+    drawn = command("explain", f"{capture}@{place}")
+    assert "22:55:13.9" in drawn.out
 
 
 def test_of_several_files_each_is_named_where_it_is_told_of(

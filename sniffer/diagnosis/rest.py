@@ -34,13 +34,15 @@ FEW: Final = 0.01
 class Rest:
     """Anomalies of which no cause can be told, in words, and what to do about them.
 
-    All are empty where there are none. ``place`` is one of what came most often, behind the ``@``
-    of a command line; ``source`` is the capture as the command line names it.
+    All are empty where there are none. ``place`` is the first of what came most often, behind the
+    ``@`` of a command line; ``source`` is the capture as the command line names it.
     """
 
     told: str = ""
     doing: str = ""
     place: str = ""
+    code: str = ""
+    """Its code, where it is the only bus's."""
     source: str = "FILE"
     parts: tuple[tuple[str, str], ...] = ()
     """What it is told of, each with its bus."""
@@ -58,10 +60,15 @@ class Rest:
         told = ", ".join(names.sentence(bus, words) for bus, words in self.parts)
         return replace(self, told=told) if names else self
 
-    def of(self, inputs: Sequence[str | Path]) -> Rest:
-        """Return the same of a capture; several files, or standard input, cannot be named."""
+    def of(self, inputs: Sequence[str | Path], *, is_part: bool) -> Rest:
+        """Return the same of a capture; several files, or standard input, cannot be named.
+
+        Of a whole capture of one bus the first is named by its code: in front of a part, and on
+        another bus, there may be one, too.
+        """
         names = [*map(str, inputs)]
-        return self if names == ["-"] or len(names) > 1 else replace(self, source=names[0])
+        told = self if is_part or not self.code else replace(self, place=self.code)
+        return told if names == ["-"] or len(names) > 1 else replace(told, source=names[0])
 
 
 def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
@@ -99,13 +106,17 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
     if not told:
         return Rest()
     n, most, _, case = max(told, key=lambda t: t[0])
-    place = most
-    if len(cases) > 1:  # the code may be another bus's, too
-        of_it = case.alarm_rows(most)
-        place = f"{case.bus}:{int(case.alarms['at'][of_it].min())}"
+    place = str(int(case.alarms["at"][case.alarm_rows(most)].min()))
+    is_one_bus = len(cases) == 1
     parts = tuple((each.bus, words) for _, _, words, each in told)
     words = ", ".join(words for _, words in parts)
-    return Rest(words, _doing(case, n, most), place, parts=parts)
+    return Rest(
+        words,
+        _doing(case, n, most),
+        place if is_one_bus else f"{case.bus}:{place}",
+        most if is_one_bus else "",
+        parts=parts,
+    )
 
 
 def _doing(case: Case, n: int, code: str) -> str:

@@ -114,7 +114,7 @@ def diagnose(
         incidents,
         diagnosis.judged(),
         diagnosis.sentence(),
-        diagnosis.rest(incidents).of(inputs_of(source)),
+        diagnosis.rest(incidents).of(inputs_of(source), is_part=window is not None),
         diagnosis.has_clock,
         done.ending,
         done.summary.names,

@@ -155,6 +155,8 @@ def _content(
     evidence: Exhibits,
 ) -> Content:
     now = datetime.datetime.now(datetime.UTC)
+    rest = hearing.diagnosis.rest(incidents)
+    is_part = "part" in hearing.summary.narrowed
     return Content(
         name=name_of(inputs),
         described=opened.label,
@@ -167,7 +169,7 @@ def _content(
         incidents=incidents,
         exhibits=evidence.exhibits(),
         judged=hearing.diagnosis.sentence(),
-        rest=hearing.diagnosis.rest(incidents).of(inputs).named(hearing.summary.names),
+        rest=rest.of(inputs, is_part=is_part).named(hearing.summary.names),
         shared=hearing.diagnosis.shared(incidents),
         tool=f"{TOOL} {__version__}",
         made=f"{now:%Y-%m-%d}",
