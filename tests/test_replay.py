@@ -97,6 +97,14 @@ def test_a_clock_that_goes_back_is_not_waited_for() -> None:
     assert moments(clock, played) == [0, 500, 500, 600]
 
 
+@pytest.mark.parametrize("set_to", [-3_600_000, 57 * 365 * 86_400_000])
+def test_where_the_clock_was_set_the_replay_goes_on_as_it_began(set_to: int) -> None:
+    clock = Clockwork()
+    later = (set_to + t for t in (300, 400, 900))
+    played = paced(groups(0, 250, *later), 1, now=clock.now, sleep=clock.sleep)
+    assert moments(clock, played) == [0, 250, 250, 350, 850]
+
+
 def test_a_step_holds_50_ms_of_the_recording() -> None:
     chunks = [Chunk(b"x", T0 + at * MS) for at in range(0, 1000, 10)]
     played = list(steps(chunks))
