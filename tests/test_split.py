@@ -235,3 +235,14 @@ def test_of_many_pieces_the_first_and_the_last_are_named(tmp_path: Path, capsys:
     assert ran.status == 0
     assert "wrote 17 files, " in ran.err
     assert ran.err.strip().endswith("p-0017.log")
+
+
+def test_pieces_of_an_earlier_split_that_stand_behind_these_are_named(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / "p.log"
+    assert within(capsys, "cut", LOG, "--split", "2s", "-o", out).status == 0
+    ran = within(capsys, "cut", LOG, "--split", "3s", "-o", out, "--force")
+    assert "behind these stands what is not of this split: p-0004.log and p-0005.log" in ran.err
+    again = within(capsys, "cut", LOG, "--split", "2s", "-o", out, "--force")
+    assert "not of this split" not in again.err

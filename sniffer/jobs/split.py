@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
@@ -12,6 +13,7 @@ from sniffer.decoding.pipeline import Options
 from sniffer.decoding.spans import PieceRow
 from sniffer.ground.files import called, files_of, numbered, paths_of
 from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import and_
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import convert_opened
@@ -125,7 +127,23 @@ def split(
             done.append(SplitPiece(tuple(files), converted))
             if converted.ending == Ending.INTERRUPTED:
                 break
+        if every_ns is not None and (left := _of_another([*pieces], outputs)):
+            tell.warn(
+                f"behind these stands what is not of this split: {and_([p.name for p in left])}"
+            )
         return done
+
+
+def _of_another(pieces: Sequence[int | str], outputs: Sequence[Path]) -> list[Path]:
+    """Return files that stand in the row of the pieces, behind the last one."""
+    last = max((piece for piece in pieces if isinstance(piece, int)), default=-1)
+    return [
+        path
+        for output in outputs
+        for path in itertools.takewhile(
+            lambda path: path.exists(), (numbered(output, n) for n in itertools.count(last + 2))
+        )
+    ]
 
 
 def _row(opened: Source, pieces: Sequence[CutPart], tell: Teller) -> PieceRow:
