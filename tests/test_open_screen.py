@@ -156,6 +156,8 @@ def test_keys_go_through_a_capture_and_take_it_apart(tmp_path: Path) -> None:
         await glass.ask("f", "servo=3")
         assert "of 411 of 1478  filter servo=3" in glass.text(app.top)
         assert {row.split()[1] for row in glass.rows if row.strip()} <= {"3", "> load_data"}
+        await glass.ask("f", "servo=9")
+        await glass.until(lambda: "f and an empty line show all" in glass.text(app.status))
         await glass.ask("f", "foo=3")
         assert "nothing is called 'foo'" in glass.text(app.status)
         await glass.ask("f", "sevro=3")

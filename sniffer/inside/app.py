@@ -184,6 +184,8 @@ class LookingGlass(App[None]):
         wrong = self.reading.problem or ""
         if self._recorder is not None and self._recorder.has_ended:
             wrong = f"the recording has ended: {self._recorder.said}"
+        if self._filter_text and not self.view.count and not self.view.is_behind:
+            wrong = wrong or "no line is so: f and an empty line show all again"
         self.status.show(wrong)
 
     def on_frame_list_moved(self, event: FrameList.Moved) -> None:

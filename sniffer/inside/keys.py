@@ -27,7 +27,9 @@ KEYS: Final = (
     Key("N", "N", "wrong(1, 1)", "", "the next finding of any severity"),
     Key("P", "P", "wrong(-1, 1)", "", "the one before it"),
     Key("g", "g", "ask('go')", "go", "go to a time (12.5, 20:35:20.5), @12175 (byte), #300 (line)"),
-    Key("f", "f", "ask('filter')", "filter", "show some lines only: servo=3,5 kind=response"),
+    Key(
+        "f", "f", "ask('filter')", "filter", "only some lines: servo=3,5 kind=response (empty: all)"
+    ),
     Key("x", "x", "exchanges", "", "single frames, or requests with their answers"),
     Key("t", "t", "times", "", "times: of the day, since the line above, since the last mark"),
     Key("b", "b", "pane('board')", "servos", "the servos as they were known at this line"),
