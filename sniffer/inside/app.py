@@ -16,7 +16,7 @@ from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.wording import plain
-from sniffer.inside.chrome import CSS, HelpPage, Prompt, StatusLine, exits_on_signals
+from sniffer.inside.chrome import CSS, NONE_SO, HelpPage, Prompt, StatusLine, exits_on_signals
 from sniffer.inside.columns import ERROR, WARN
 from sniffer.inside.detail import detail_of
 from sniffer.inside.filters import completions, filter_of
@@ -90,12 +90,10 @@ class LookingGlass(App[None]):
         self.status = StatusLine()
         self._title = plain(name)
         self.title = f"sniffer open {self._title}"
-        self._follow = follow
-        self._recorder = recorder
+        self._follow, self._recorder = follow, recorder
         self._wanted: int | None = None
         self._search: Search | None = None
-        self._found_last, self._filter_text = "", wanted
-        self._start = start
+        self._found_last, self._filter_text, self._start = "", wanted, start
         self._topped, self._is_due = ("", ""), False
 
     def compose(self) -> ComposeResult:
@@ -184,9 +182,8 @@ class LookingGlass(App[None]):
         wrong = self.reading.problem or ""
         if self._recorder is not None and self._recorder.has_ended:
             wrong = f"the recording has ended: {self._recorder.said}"
-        if self._filter_text and not self.view.count and not self.view.is_behind:
-            wrong = wrong or "no line is so: f and an empty line show all again"
-        self.status.show(wrong)
+        is_empty = self._filter_text and not self.view.count and not self.view.is_behind
+        self.status.show(wrong or (NONE_SO if is_empty else ""))
 
     def on_frame_list_moved(self, event: FrameList.Moved) -> None:
         """Have the panes follow the cursor."""

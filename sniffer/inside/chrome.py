@@ -49,6 +49,10 @@ ASKED: Final = {
 """What the prompt asks for, by action."""
 
 
+NONE_SO: Final = "no line is so: f and an empty line show all again"
+"""What is said of a filter that leaves nothing."""
+
+
 class LineSuggester(Suggester):
     """Completes the last word of a filter line."""
 
