@@ -58,6 +58,15 @@ def test_the_page_is_no_wider_than_its_window(width: int, page: Path, window: Br
     assert wide == []
 
 
+def test_on_a_usual_screen_the_table_of_the_servos_is_seen_whole(
+    page: Path, window: Browser
+) -> None:
+    window.open(page, width=1280)
+    assert window.eval("document.querySelector('.servos').parentElement.clientWidth") > 1000
+    hidden = "(e => e.scrollWidth - e.parentElement.clientWidth)(document.querySelector('.servos'))"
+    assert window.eval(hidden) <= 0
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_verdict_is_on_the_first_screen(width: int, page: Path, window: Browser) -> None:
     window.open(page, width=width, height=800)
