@@ -189,3 +189,20 @@ def test_a_recorder_shows_names_selects_by_them_and_keeps_them(tmp_path: Path) -
     shown = sniffer("stats", tmp_path / "run.mcap").out
     assert "1 elbow" in shown
     assert "1 knee" in shown
+
+
+@pytest.mark.parametrize(
+    ("models", "said"),
+    [
+        (["9=mightyzap-12lf", "8=mightyzap-12lf"], "servos 8 and 9"),
+        (["9=mightyzap-12lf", "3=mightyzap-12lf"], "servo 9"),
+        (["3=mightyzap-12lf"], ""),
+        (["mightyzap-12lf"], ""),
+    ],
+)
+def test_a_model_of_a_servo_that_is_not_there_is_told(models: list[str], said: str) -> None:
+    told = [word for model in models for word in ("--model", model)]
+    ran = sniffer("decode", DAMAGED, "--summary", *told)
+    assert ran.status == 0
+    assert ("a model was told" in ran.err) == bool(said)
+    assert f"{said}, of which nothing is in it: one of 1, 2, 3, 254" in ran.err or not said

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.called import names_in
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.lagging import LaggingPipeline
-from sniffer.decoding.pipeline import Pipeline
+from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.resuming import ResumablePipeline
 from sniffer.ground.model import DamagedInputError, InputError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.order import merged
 from sniffer.sources.several import STANDARD_INPUT
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from sniffer.decoding.pacing import Pace
-    from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.slicing import Slice
     from sniffer.decoding.summary import Summary
@@ -210,12 +209,26 @@ def run_source(
         lost = options.called.astray(pipeline.summary.buses, names_in(source.facts()))
         if lost is not None:
             tell.warn(lost)
+        if (nobody := _of_nobody(options, source, pipeline.summary)) is not None:
+            tell.warn(nobody)
     if told:
         tell.warn(told)
     else:
         for note in source.notes:
             tell.talk(f"{name}: {note}")
     return pipeline.summary, ending
+
+
+def _of_nobody(options: Options, source: Source, summary: Summary) -> str | None:
+    """Return that a model was told of a servo which is not there; None: none was."""
+    recorded = Options().with_facts(source.facts(), source.tables).models
+    told = {who for who in options.models if who is not None} - {*recorded}
+    met = {servo for bus in summary.buses.values() for servo, _, _ in bus.by_command if servo >= 0}
+    if not met or not told - met:
+        return None
+    whose, there = ([str(servo) for servo in sorted(some)] for some in (told - met, met))
+    servos = f"servo{'s' * (len(whose) > 1)} {and_(whose)}"
+    return f"a model was told of {servos}, of which nothing is in it: one of {', '.join(there)}"
 
 
 def _after_interruption(pipeline: Pipeline) -> str:
