@@ -26,3 +26,23 @@ def test_a_joint_that_is_looked_at_in_step_with_its_goals_is_not_told_to_stand(
         t = 1.24 * k + 0.03
         told += [(t, "#5QD"), (t + 0.002, f"*5QD{0 if stands else round(10 * goal(t - 0.15))}")]
     assert bool(codes(lss(*sorted(told))) & HANGS) == stands
+
+
+@pytest.mark.parametrize("jumps", [False, True])
+def test_a_path_that_goes_on_while_its_controller_waits_for_another_servo_does_not_jump(
+    jumps: bool,
+) -> None:
+    """Four goals close to each other, then servo 6 is asked in vain for a third of a second."""
+
+    def path(t: float) -> float:
+        return 60 * math.sin(math.tau * 0.6 * t)
+
+    stated = [0.04 * k for k in range(460)]
+    stated += [18.4 + 0.34 * cycle + 0.0125 * k for cycle in range(80) for k in range(4)]
+    told = [
+        (t, f"#5D{round(10 * path(t)) + 400 * (jumps and k == 200)}") for k, t in enumerate(stated)
+    ]
+    for k in range(115):
+        told += [(0.16 * k + 0.01, "#6QD"), (0.16 * k + 0.014, "*6QD0")]
+    told += [(18.455 + 0.34 * k + 0.1 * again, "#6QD") for k in range(80) for again in range(3)]
+    assert ("goal-jump" in codes(lss(*sorted(told)))) == jumps
