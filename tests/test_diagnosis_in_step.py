@@ -46,3 +46,14 @@ def test_a_path_that_goes_on_while_its_controller_waits_for_another_servo_does_n
         told += [(0.16 * k + 0.01, "#6QD"), (0.16 * k + 0.014, "*6QD0")]
     told += [(18.455 + 0.34 * k + 0.1 * again, "#6QD") for k in range(80) for again in range(3)]
     assert ("goal-jump" in codes(lss(*sorted(told)))) == jumps
+
+
+@pytest.mark.parametrize("back", [0.1, 12.0])
+def test_a_joint_that_is_seen_elsewhere_once_and_back_much_later_was_moved(back: float) -> None:
+    """Taught by hand, switched on, looked at once; then played back, and looked at behind that."""
+    told = [(0.05 * k, f"#5D{100 + 2 * k}") for k in range(60)]
+    looks = [(0.05 * k + 0.01, 100 + 2 * k) for k in range(60)]
+    looks += [(4.2, 900), *((4.2 + back + 0.05 * k, 220) for k in range(60))]
+    for t, place in looks:
+        told += [(t, "#5QD"), (t + 0.002, f"*5QD{place}")]
+    assert ("doubtful-value" in codes(lss(*sorted(told)))) == (back < 1)
