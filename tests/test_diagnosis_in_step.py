@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
+from tests.conversations import Conversation
 from tests.diagnosed import codes
 from tests.servos import lss
 
@@ -57,3 +59,17 @@ def test_a_joint_that_is_seen_elsewhere_once_and_back_much_later_was_moved(back:
     for t, place in looks:
         told += [(t, "#5QD"), (t + 0.002, f"*5QD{place}")]
     assert ("doubtful-value" in codes(lss(*sorted(told)))) == (back < 1)
+
+
+def test_rests_of_a_hand_between_goals_that_it_sends_are_no_stalls() -> None:
+    """A dial sends a goal when it is turned, of whichever joint: all rests are the hand's."""
+    rng = random.Random(8)
+    talk, place = Conversation("lss"), dict.fromkeys((1, 2, 3), 0.5)
+    while talk.now_s < 90:
+        servo, way = rng.choice((1, 2, 3)), rng.choice((-1, 1)) * rng.uniform(0.001, 0.008)
+        for _ in range(rng.randint(5, 60)):
+            place[servo] = min(max(place[servo] + way, 0.2), 0.8)
+            talk.send(servo, place[servo])
+            talk.rest(rng.expovariate(1 / 30))
+        talk.rest(rng.expovariate(1 / 2000))
+    assert "loop-stalls" not in codes(talk.diagnosed())
