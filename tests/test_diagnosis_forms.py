@@ -73,6 +73,9 @@ def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
         ("mightyzap", 5, b"Input @ %d\r\n"),
         ("rs30x", 60, b"rst:0x1 (POWERON_RESET),boot:0x13 (SPI_FAST_FLASH_BOOT) %d\r\n"),
         ("wck", 20, b"Input @ %d\r\n"),
+        # a name of three letters and a number, as a sketch that is looked at prints them
+        ("rs30x", 12, b"pos: %d\r\n"),
+        ("mightyzap", 12, b"ID %d\n"),
     ],
 )
 def test_what_a_program_prints_on_the_bus_is_its_own_and_no_noise(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -100,6 +101,24 @@ def test_one_program_with_two_timers_is_no_second_controller(protocol: str) -> N
     talk = by_timers(protocol, {1: 0.02, 2: 0.0473})
     assert "streams-apart" in codes(talk.diagnosed())
     assert not talk.diagnosed().incidents()
+
+
+def test_one_program_with_two_timers_over_a_weak_signal_is_no_second_controller() -> None:
+    """What tears its frames is one bit each time: a request within another one alters many."""
+    talk = by_timers("mightyzap", {1: 0.02, 2: 0.0473})
+    weak = [late_edge(c) if k % 40 == 7 else c for k, c in enumerate(talk.chunks)]
+    causes = {cause for cause, _ in verdicts(talk.diagnosed(weak).incidents())}
+    assert causes & {"signal-integrity", "bus-noise"}
+    assert "two-masters" not in causes
+
+
+def late_edge(chunk: Chunk) -> Chunk:
+    """Return it with the first 1 behind a 0, of its last byte that has one, read as 0."""
+    data = bytearray(chunk.data)
+    rises = [(n, byte & ~(byte << 1) & 0xFE) for n, byte in enumerate(data) if byte != 0xFF]
+    at, bits = next((n, bits) for n, bits in reversed(rises) if bits)
+    data[at] &= ~(bits & -bits)
+    return replace(chunk, data=bytes(data))
 
 
 def by_timers(protocol: str, seconds_of: dict[int, float]) -> Conversation:

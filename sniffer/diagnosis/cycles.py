@@ -48,6 +48,9 @@ RUNS: Final = 0.4
 """Part of a capture that a loop's cycles fill, if it is one; those that are late at random fill two
 thirds. Goals that come while a person moves a slider are no cycles."""
 
+BEAT: Final = 1 / 3
+"""What is asked so many times as often as what is asked most may be what has the loop's cycle."""
+
 KEPT_WAITING: Final = 0.5
 """Part of the late cycles that begin right behind another job of the program: it was busy."""
 
@@ -150,6 +153,15 @@ def cycle_of(
 def is_in_bursts(lasts_ns: int, count: int, middle_ns: int) -> bool:
     """Tell whether cycles, so many of such a length, come only now and then: by hand, as a rule."""
     return count * middle_ns < RUNS * lasts_ns
+
+
+def is_by_hand(case: Case) -> bool:
+    """Tell whether like requests come only now and then, whoever they are to: no loop goes on."""
+    periods, lasts_ns = case.ledger.periods, case.last_ns - case.first_ns
+    most = max(map(periods.count, periods.keys), default=0)
+    often = [k for k in periods.keys if periods.count(k) >= most * BEAT]
+    middles = [(k, periods.at(k, 0.5)) for k in often]
+    return all(is_in_bursts(lasts_ns, periods.count(k), m.high) for k, m in middles if m)
 
 
 def is_steady_for_a_while(case: Case) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.witnesses import moves_elsewhere, runs
+from sniffer.diagnosis.witnesses import moves_elsewhere, runs, stands_elsewhere
 from sniffer.ground.model import NEVER_NS, NS
 from sniffer.protocols.base import LETS_GO, RESTARTS, TURNS_ELSEWHERE
 
@@ -64,6 +64,10 @@ FOLLOWS: Final = 0.15
 
 BRIDGED_NS: Final = 3 * NS // 4
 """Moments in which the goals pass by where a joint hangs do not end that it hangs there."""
+
+
+OFF_GOALS: Final = 0.1
+"""Part of its looks that see a joint away from its goals if it is held while they pass it by."""
 
 
 class Away(NamedTuple):
@@ -127,7 +131,7 @@ class JointTrack:
             began = max(int(t[a]) - self._window_ns, int(self.position.t_first[0]))
             if int(t[b]) - began >= WINDOW_NS:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
-        return [one for one in out if not self._is_seen_to_move(one)]
+        return [one for one in out if not (self._is_seen_to_move(one) or self._is_in_step(one))]
 
     def follows(self, since_ns: int) -> bool:
         """Tell whether it is near its goals for the second that begins a second later."""
@@ -151,6 +155,16 @@ class JointTrack:
         """Tell whether another register has it moving where this one's positions have it stand."""
         case, who, span = self._case, self.servo_id, (away.first_ns, away.last_ns)
         return moves_elsewhere(case, who, self.position, span, self.far) or runs(case, who, span)
+
+    def _is_in_step(self, away: Away) -> bool:
+        """Tell whether it is met at one place, where it was told to be: looked at in step."""
+        p, span = self.position, (away.first_ns, away.last_ns)
+        rows = np.flatnonzero((p.t >= span[0]) & (p.t <= span[1]))
+        low, high = in_force(self.goal, p.t_first[rows] - LAG_NS // 4, p.t[rows])
+        off = np.maximum(low - p.last[rows], p.last[rows] - high) > self.far
+        if np.count_nonzero(off) >= max(SEEN, OFF_GOALS * len(rows)):
+            return False
+        return not stands_elsewhere(self._case, self.servo_id, p, span, self.far)
 
     @functools.cached_property
     def _window_ns(self) -> int:

@@ -81,10 +81,31 @@ def explain(findings: Sequence[Finding]) -> list[Explained]:
         best = _best(left, findings)
         if best is None:
             break
+        best = _without_others(best, left, findings)
         out.append(_explained(best, left, findings))
         taken = set(map(id, best.explained)) - _of_another(best, left)
         left = [f for f in left if id(f) not in taken]
     return _joined(out)
+
+
+def _without_others(
+    best: Weighed, left: Sequence[Finding], all_found: Sequence[Finding]
+) -> Weighed:
+    """Leave out what a controller's mistakes with some servos do not do to others.
+
+    Findings of a servo that none was made with are its own where they prove a fault.
+    """
+    weights = WEIGHTS[best.cause.slug]
+    meant = {f.servo_id for f in best.explained if weights[f.code].is_key}
+    if best.cause.of != CONTROLLER or None in meant:
+        return best
+    beside = [f for f in best.explained if f.servo_id is not None and f.servo_id not in meant]
+    away = set(map(id, best.explained)) - set(map(id, beside))
+    rest = [f for f in left if id(f) not in away] if beside else []
+    proven = {w.servo_id for w in weigh(rest, rest) if w.cause.of == SERVO and w.score >= PROOF}
+    apart = set(map(id, (f for f in beside if f.servo_id in proven)))
+    kept = [f for f in left if id(f) not in apart]
+    return (_weighed(best.cause, best.servo_id, kept, all_found) or best) if apart else best
 
 
 def _of_another(best: Weighed, left: Sequence[Finding]) -> set[int]:

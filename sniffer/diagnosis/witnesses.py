@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sniffer.diagnosis.case import Case, Series
     from sniffer.ground.model import I64
 
@@ -30,13 +32,29 @@ def moves_elsewhere(
 
     Who looks once a second at what moves once a second sees it stand.
     """
+    return any(way > far for way, _ in _ways_elsewhere(case, servo_id, position, span))
+
+
+def stands_elsewhere(
+    case: Case, servo_id: int, position: Series, span: tuple[int, int], far: float
+) -> bool:
+    """Tell whether another register of its place, looked at oftener, stands within a span (ns)."""
+    looks = int(position.n[_within(position, span)].sum())
+    ways = _ways_elsewhere(case, servo_id, position, span)
+    return any(way <= far and n > looks for way, n in ways)
+
+
+def _ways_elsewhere(
+    case: Case, servo_id: int, position: Series, span: tuple[int, int]
+) -> Iterator[tuple[float, int]]:
+    """Yield how far other registers of its place go within a span (ns), and how many looks tell."""
     for other in case.every(servo_id, "position"):
         if other.index == position.index or other.unit != position.unit:
             continue
         rows = _within(other, span)
-        if len(rows) and float(other.high[rows].max() - other.low[rows].min()) > far:
-            return True
-    return False
+        if len(rows):
+            way = float(other.high[rows].max() - other.low[rows].min())
+            yield way, int(other.n[rows].sum())
 
 
 def runs(case: Case, servo_id: int, span: tuple[int, int]) -> bool:

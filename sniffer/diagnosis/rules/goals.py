@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.steps import Leap
     from sniffer.diagnosis.trips import Trip
     from sniffer.ground.model import F64, I64
 
@@ -27,7 +28,8 @@ FINDINGS: Final = (
         "controller",
         "One goal jumps far from the one before it, in a row of goals that move in small steps.",
         "A step four times beyond all others within two seconds, and a quarter of the travel, "
-        "between goals that go on in small steps, with no pause before it. Where no clock tells pauses: "
+        "between goals that go on in small steps, with no pause before it, and twice as far as the "
+        "path goes in that time beside it. Where no clock tells pauses: "
         "four times beyond all other steps and back within eight goals, while other servos' goals go on "
         "in small steps or, where there are none, from where no other goal is.",
     ),
@@ -64,6 +66,9 @@ STATED: Final = 0.6
 LEAPS: Final = 2.0
 """So many times the usual step is one behind a rest."""
 
+GOES_ON: Final = 2.0
+"""A path that turns meanwhile is at most so many times as fast as it is right beside."""
+
 RETRIES: Final = 2
 """Times that a usual client asks once more; it does so for a servo that is gone in every cycle."""
 
@@ -88,7 +93,7 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
         if goals is None:
             continue
         jumps, usual, returns = (
-            _timed(case, goals) if case.has_clock else _ordered(case, servo, goals)
+            _timed(case, servo, goals) if case.has_clock else _ordered(case, servo, goals)
         )
         if not jumps:
             continue
@@ -109,11 +114,11 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
         )
 
 
-def _timed(case: Case, goals: Series) -> tuple[list[_Jump], float, bool]:
+def _timed(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:
     """Return the jumps by the clock, the greatest other step near them, and whether they come back."""
     if len(goals) < BUCKETS:
         return [], 0.0, False
-    rows, usual = _jumps(case, goals)
+    rows, usual = _jumps(case, servo, goals)
     if not len(rows):
         return [], 0.0, False
     worst = int(rows[np.argmax(goals.step[rows])])
@@ -154,7 +159,7 @@ def _is_weak(case: Case) -> bool:
     return False
 
 
-def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
+def _jumps(case: Case, servo: int, goals: Series) -> tuple[I64, float]:
     """Return the buckets with a jump, and what the other steps near them are below."""
     none = np.empty(0, np.int64)
     step: F64 = goals.step
@@ -165,7 +170,12 @@ def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
     far = step > max(BEYOND * float(np.median(step[moving])), PART * travel)
     if not far.any():
         return none, 0.0
-    found = [(r, usual) for r in np.flatnonzero(far).tolist() if (usual := _usual(case, goals, r))]
+    leaps = case.ledger.steps.of(servo, goals.index)
+    found = [
+        (r, usual)
+        for r in np.flatnonzero(far).tolist()
+        if (usual := _usual(case, goals, r)) and not _goes_on(case, leaps, goals, r)
+    ]
     if not 0 < len(found) <= max(SHARE * moving.sum(), 1):
         return none, 0.0
     return np.array([r for r, _ in found], np.int64), max(usual for _, usual in found)
@@ -183,6 +193,22 @@ def _usual(case: Case, goals: Series, r: int) -> float:
         return 0.0
     usual = float(step[small].max())
     return usual if step[r] >= BEYOND * usual and _stands_out(case, goals, r) else 0.0
+
+
+def _goes_on(case: Case, leaps: Sequence[Leap], goals: Series, r: int) -> bool:
+    """Tell whether a step is what its path does in the time that it took: its controller was late.
+
+    How fast the path goes is told by the goals that are stated close to each other beside it.
+    """
+    size = float(goals.step[r])
+    since, until = int(goals.t[max(r - 1, 0)]), int(goals.t[r])
+    took = [s.took_ns for s in leaps if since <= s.t_ns <= until and s.size >= ABOUT * size * MILLI]
+    near = np.flatnonzero((np.abs(goals.bucket - goals.bucket[r]) <= BACK) & (goals.step < size))
+    lasted = goals.t[near] - goals.t_first[near]
+    told = lasted > 2 * case.latency_ns
+    way = np.abs(goals.last[near] - goals.first[near])[told]
+    fastest = float((way / lasted[told]).max(initial=0.0))
+    return bool(took) and size <= GOES_ON * fastest * max(took)
 
 
 def _stands_out(case: Case, goals: Series, r: int) -> bool:

@@ -14,7 +14,7 @@ from sniffer.diagnosis.steps import SPEED
 from sniffer.diagnosis.tracks import FAR, in_force, track
 from sniffer.diagnosis.trips import trips
 from sniffer.ground.milli import MILLI
-from sniffer.ground.model import NS
+from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -119,7 +119,7 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
             out.append(s)  # whatever it was told
             continue
         soon = SOON_NS if joint is None else LATER_NS
-        comes_back = _comes_back(s, follows) and s.took_ns <= soon
+        comes_back = _comes_back(s, follows, soon) and s.took_ns <= soon
         # who is there and back within moments was not told so a second ago
         before_ns = SOON_NS if comes_back and s.took_ns <= SOON_NS else NS
         is_told = joint is not None and joint.position.index == p.index
@@ -156,9 +156,11 @@ def _was_told(joint: JointTrack, s: Leap, before_ns: int) -> bool:
     return high >= half if s.after > s.before else low <= half
 
 
-def _comes_back(s: Leap, follows: Leap | None) -> bool:
-    """Tell whether the next value is where the one before the step was."""
+def _comes_back(s: Leap, follows: Leap | None, soon_ns: int = NEVER_NS) -> bool:
+    """Tell whether the next value is where the one before the step was, and comes soon."""
     if follows is None or follows.before != s.after or follows.t_ns - follows.took_ns != s.t_ns:
+        return False
+    if follows.took_ns > soon_ns:
         return False
     return abs(follows.after - s.before) <= BACK * s.size
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import so_alike, sureness
 from sniffer.diagnosis.comparing import bits_wrong
@@ -68,12 +67,6 @@ FINDINGS: Final = (
         "pairing",
         "A servo is away now and then, without a rhythm.",
         "Of six outages and more the times between vary by 85 % of their mean and more.",
-    ),
-    FindingCode(
-        "late-replies",
-        "pairing",
-        "Answers of a servo come so late that they are taken for those to later requests, or for nobody's.",
-        "At least three answers behind their window, of this servo more than of others.",
     ),
 )
 
@@ -371,30 +364,5 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
     )
 
 
-def late_replies(case: Case) -> Iterator[Finding]:
-    """Servos whose answers come behind their window."""
-    late = {s: case.count("late-response", servo_id=s) for s in case.servos}
-    said = case.once(seldom_answered)
-    late = {s: n for s, n in late.items() if s not in said or said[s].n < n}
-    for servo, n in late.items():
-        others = sum(late.values()) - n
-        if n < AGAIN or others > n:
-            continue
-        told = case.anomalies("late-response", servo_id=servo)
-        answered = max(case.total("ok", servo), n)  # one may come too late to count as an answer
-        beside = f"of all others {others}" if len(case.answering) > 1 else "and no other answers"
-        yield Finding(
-            "late-replies",
-            servo,
-            int(told.t_ns.min()),
-            int(told.t_ns.max()),
-            n,
-            f"{n} of {answered} answers of servo {servo} come behind their window, {beside}",
-            case.places(told, "a late answer"),
-            strength=min(0.5 + n / 20, 1.0),
-            brief=f"servo {servo} answers late",
-        )
-
-
-RULES: Final[tuple[Rule, ...]] = (never_answered, silences, late_replies)
+RULES: Final[tuple[Rule, ...]] = (never_answered, silences)
 """The rules of this area."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least
 from sniffer.diagnosis.keys import pair_of
@@ -25,6 +26,12 @@ FINDINGS: Final = (
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
         "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
+    ),
+    FindingCode(
+        "late-replies",
+        "pairing",
+        "Answers of a servo come so late that they are taken for those to later requests, or for nobody's.",
+        "At least three answers behind their window, three times as often as those of others and by no chance.",
     ),
     FindingCode(
         "slower-than-its-delay",
@@ -48,6 +55,9 @@ OFTENER: Final = 3
 """So seldom a servo would be late as often as it is if it were late as its peers are, and so many times
 as often as they it is: a busy host is late with any servo's answer now and then, with some servo's
 oftener as it is busy at some step, and a tenth of all are later than nine tenths."""
+
+AGAIN: Final = 3
+"""Answers behind their window that are a habit."""
 
 MOSTLY: Final = 0.9
 """What nearly all answers of a servo are is the servo's: noise, and who speaks into them, move some."""
@@ -237,5 +247,32 @@ def _settings(case: Case, servo: int) -> list[tuple[int, int]]:
     return [*zip(h.what.tolist(), h.after.tolist(), strict=True)]
 
 
-RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay)
+def late_replies(case: Case) -> Iterator[Finding]:
+    """Servos whose answers come behind their window."""
+    late = {s: case.count("late-response", servo_id=s) for s in case.servos}
+    said = case.once(seldom_answered)
+    late = {s: n for s, n in late.items() if s not in said or said[s].n < n}
+    for servo, n in late.items():
+        others = sum(late.values()) - n
+        answered = max(case.total("ok", servo), n)  # one may come too late to count as an answer
+        theirs = (1 + others) / (1 + max(case.total("ok") - answered, others))
+        is_more = n >= OFTENER * theirs * answered and at_least(n, answered, theirs) < CHANCE
+        if n < AGAIN or not (is_more or len(case.answering) < 2):
+            continue
+        told = case.anomalies("late-response", servo_id=servo)
+        beside = f"of all others {others}" if len(case.answering) > 1 else "and no other answers"
+        yield Finding(
+            "late-replies",
+            servo,
+            int(told.t_ns.min()),
+            int(told.t_ns.max()),
+            n,
+            f"{n} of {answered} answers of servo {servo} come behind their window, {beside}",
+            case.places(told, "a late answer"),
+            strength=min(0.5 + n / 20, 1.0),
+            brief=f"servo {servo} answers late",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay, late_replies)
 """The rules of this file."""

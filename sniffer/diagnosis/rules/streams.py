@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.misread import BITS_FEW
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.crossings import KINDS
 from sniffer.ground.model import MS, NS
@@ -57,6 +58,9 @@ or there is only one."""
 MET: Final = 3
 """Torn places that are no accident."""
 
+SINGLE: Final = 0.9
+"""Part of the places torn by a weak signal or by noise in which it is one bit; the rest are theirs, too."""
+
 TIMERS: Final = 0.3
 """How much two rhythms count that never meet: one program may have two timers, and does not run into
 itself."""
@@ -87,11 +91,14 @@ def streams_apart(case: Case) -> Iterator[Finding]:
 def do_meet(case: Case, times: float, least: int = MET, torn: int | None = None) -> bool:
     """Tell whether so much is torn as two must tear who do not listen; ``times`` one of them speaks.
 
-    ``torn`` counts the places that are torn while both speak, where that is known.
+    ``torn`` counts the places that are torn while both speak, where that is known. Where one bit is
+    misread nobody spoke: a request that is begun within another one alters many.
     """
     busy = case.ledger.bytes * case.ledger.byte_ns / max(case.seconds * NS, 1.0)
     torn = int(case.damage["n"].sum()) if torn is None else torn
-    return torn >= max(least, MEET * busy * times)
+    single = sum(m.shape == BITS_FEW and len(m.flips) == 1 for m in case.misreads)
+    spoken = torn * (1 - single / (SINGLE * max(len(case.misreads), 1)))
+    return spoken >= max(least, MEET * busy * times)
 
 
 def least_together(case: Case) -> tuple[float, int, int, float, int, int] | None:

@@ -23,7 +23,7 @@ FINDINGS: Final = (
         "text-sent",
         "controller",
         "Text for people stands between the frames: messages of a program, or of a board that starts.",
-        "Pieces of no frame that touch each other are read as one. Most bytes of no frame are in pieces of letters, digits and signs alone that have words: a letter and three small ones or more, as no command has and noise hardly ever leaves; 24 bytes of them and more.",
+        "Pieces of no frame that touch each other are read as one. Most bytes of no frame are in pieces of letters, digits and signs alone that have words: a letter and three small ones or more, as no command has and noise hardly ever leaves, or, where frames are of bytes, five lines with a letter and their end; 24 bytes of them and more.",
         settle="Print one line more or less in the program: the bytes follow it.",
         remedy="Print messages on another port than that of the bus, or leave them out; let the servos start after the controller's boot messages.",
     ),
@@ -32,6 +32,11 @@ FINDINGS: Final = (
 WORD: Final = re.compile(rb"[A-Za-z][a-z]{3,}")
 """Commands in letters (LSS) have words too, but in small letters hardly any client writes them: noise
 makes a small letter of one, not of four in a row."""
+
+PRINTED: Final = re.compile(rb"[A-Za-z][^\n]{3,}\n")
+SEVERAL: Final = 5
+"""Lines with a letter and their end, 'pos: 512', and how many of them are no damage where frames are
+of bytes: that a piece of noise of that length is one has a chance of one in ten thousand."""
 
 PLAIN: Final = bytes([9, 10, 13, *range(32, 127)])
 """What text is of."""
@@ -55,6 +60,9 @@ def text_sent(case: Case) -> Iterator[Finding]:
     kept = [(run, _joined(run)) for run in _runs(told)]
     plain = [(run, got) for run, got in kept if not got.translate(None, PLAIN)]
     worded = [(run, got) for run, got in plain if WORD.search(got)]
+    printed = [(run, got) for run, got in plain if WORD.search(got) or PRINTED.search(got)]
+    if len(printed) >= SEVERAL and _is_binary(case):
+        worded = printed
     size = sum(len(got) for _, got in worded)
     # what is left of a text when an answer came into it has no word
     other = sum(len(got) for _, got in kept) - sum(len(got) for _, got in plain)
@@ -71,6 +79,12 @@ def text_sent(case: Case) -> Iterator[Finding]:
         strength=min(0.7 + size / 400, 1.0),
         brief=f"text between frames: '{next(iter(lines))}'",
     )
+
+
+def _is_binary(case: Case) -> bool:
+    """Tell whether requests are no text: torn lines of text look as printed ones."""
+    requests = case.ledger.exchanges.kinds.requests
+    return bool(requests) and all(request.translate(None, PLAIN) for request in requests)
 
 
 def _runs(damages: Iterable[Damage]) -> Iterator[list[Damage]]:
@@ -97,7 +111,7 @@ def _lines(texts: Iterator[bytes]) -> Iterator[str]:
     """Yield the lines with words, shortened; numbers in them differ from time to time."""
     for got in texts:
         for line in got.splitlines():
-            if WORD.search(line):
+            if WORD.search(line) or PRINTED.search(line + b"\n"):
                 yield line.strip()[:SHOWN].decode("ascii")
 
 

@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.cycles import (
     ALIKE,
+    BEAT,
     CYCLES,
     EDGE,
     ITS_STEP,
@@ -19,6 +20,7 @@ from sniffer.diagnosis.cycles import (
     SPREAD_NS,
     STALL_NS,
     cycle_of,
+    is_by_hand,
     is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
@@ -53,7 +55,7 @@ FINDINGS: Final = (
         "it, nor where the two requests before, around or behind it mostly have one, or hardly ever follow each "
         "other: the program's steps; "
         "nor before one servo after the other, alike in length and in time, as who homes them one by one rests, "
-        "nor as long as those before it mostly are, or behind it: a loop that was slower, or will be.",
+        "nor as long as those before it mostly are, or behind it: a loop that was slower, or will be; nor where like requests come only now and then, as by hand.",
     ),
     FindingCode(
         "loop-jitters",
@@ -94,9 +96,6 @@ FREE_RUNNING_NS: Final = 6 * MS
 SLOWEST_NS: Final = NS // 5
 """What comes less often than five times a second is no control loop: a program that sends a servo
 somewhere and looks where it got to rests for as long as that takes, 0.2 to 0.8 s."""
-
-BEAT: Final = 1 / 3
-"""What is asked so many times as often as what is asked most may be what has the loop's cycle."""
 
 TURNS: Final = 0.1
 """Part of a cycle by which so many of them may miss the middle of what has its turn each time."""
@@ -222,7 +221,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         return
     usual = float(np.median(spoken))
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
-    if usual > SLOWEST_NS:
+    if usual > SLOWEST_NS or is_by_hand(case):
         return
     rests = case.ledger.exchanges.pauses
     longer = [p for p in rests if p.sure_ns >= LONGER * usual]
