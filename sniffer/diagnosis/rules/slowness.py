@@ -25,7 +25,7 @@ FINDINGS: Final = (
         "slower-than-peers",
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
-        "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers do (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
+        "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers may (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
     ),
     FindingCode(
         "late-replies",
@@ -77,6 +77,8 @@ class _Slow(NamedTuple):
     of: int
     usual_ns: int
     peers_ns: int
+    theirs: tuple[int, int]
+    """How many answers of the peers are as late, of how many."""
     too_long_ns: int
     ends: bool
     """Whether that is until its answers end."""
@@ -118,19 +120,28 @@ def _slower(
                 continue
             fast = peers[(len(peers) - 1) // 2]
             more = MORE_NS + one.spare_ns
-            too_long = max(fast.high, fast.low + more, round(TIMES * fast.low))
+            too_long = max(fast.low + more, round(TIMES * fast.low))
             late = told.above(key, too_long)
             others = [k for k in one.rows.values() if k != key]
+            as_late = sum(told.above(k, too_long) for k in others)
+            of_all = sum(told.count(k) for k in others)
             # one more than was seen: of peers that never were late nobody knows that they never are
-            theirs = (1 + sum(told.above(k, too_long) for k in others)) / (
-                1 + sum(told.count(k) for k in others)
-            )
+            theirs = (1 + as_late) / (1 + of_all)
             is_more = late >= OFTENER * theirs * count and at_least(late, count, theirs) < CHANCE
             if is_more and late >= max(LEAST, SHARE * count):
                 usual = told.at(key, 0.5)
                 assert usual is not None
                 found.setdefault(servo, []).append(
-                    _Slow(one.op, late, count, usual.low, fast.high, too_long, ends)
+                    _Slow(
+                        one.op,
+                        late,
+                        count,
+                        usual.low,
+                        fast.high,
+                        (as_late, of_all),
+                        too_long,
+                        ends,
+                    )
                 )
             else:
                 fair[servo] = fair.get(servo, 0) + count
@@ -191,9 +202,9 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         first,
         last,
         sum(s.slow for s in several),
-        f"{worst.slow} of {worst.of} answers of servo {servo} to {word} {come} later than "
-        f"{worst.too_long_ns / 1e6:.2f} ms{usual}; nine tenths of another servo's {come} within "
-        f"{worst.peers_ns / 1e6:.2f} ms",
+        f"{worst.slow} of {worst.of} answers of servo {servo} to {word} {come} surely later than "
+        f"{worst.too_long_ns / 1e6:.2f} ms{usual}; of the others' {worst.theirs[0]} of "
+        f"{worst.theirs[1]} do",
         tuple(
             Place(int(a["at"][r]), 1, int(a["t_first"][r]), "a slow answer's request")
             for r in rows[:3]
