@@ -53,6 +53,7 @@ from sniffer.diagnosis.rules import (
     timing,
     translated,
     unasked,
+    waits,
     warmth,
 )
 
@@ -104,6 +105,7 @@ _AREAS: Final = (
     texts,
     translated,
     unasked,
+    waits,
     warmth,
 )
 

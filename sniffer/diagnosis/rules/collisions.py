@@ -11,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.overdue import is_overdue, overdue
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.bare import said_by_another
 from sniffer.diagnosis.rules.interruptions import torn_requests
@@ -165,10 +166,17 @@ def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
     return tuple(other for other, _ in before.most_common(1))
 
 
+def lies_over(case: Case) -> int:
+    """Return the servo whose answers are overdue and, by their bytes, lie over another's; -1."""
+    late = overdue(case)
+    twin = None if late is None else twins(case).get(late.servo_id)
+    return -1 if twin is None or twin.over < 0 else twin.servo_id
+
+
 def answers_mixed(case: Case) -> Iterator[Finding]:
     """Find servos whose torn answers are two of theirs at once."""
     for servo, twin in twins(case).items():
-        if len(twin.mixed) < max(LEAST, PART * twin.tried):
+        if len(twin.mixed) < max(LEAST, PART * twin.tried) or servo == lies_over(case):
             continue
         shifts = sorted(mix.shift for _, mix in twin.mixed)
         how = Counter(mix.how for _, mix in twin.mixed).most_common(1)[0][0]
@@ -195,6 +203,8 @@ def answers_mixed(case: Case) -> Iterator[Finding]:
 
 def always_torn(case: Case) -> Iterator[Finding]:
     """Find servos of which hardly an answer is whole, and none is missing."""
+    if is_overdue(case):
+        return  # the answer to a request before lies over them
     for servo, torn in torn_answers(case).items():
         if sum(d.at in torn_by_twins(case) for d in torn) > PLAIN * len(torn):
             continue  # another's second answers lie over them
