@@ -48,6 +48,12 @@ FINDINGS: Final = (
         "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all, and behind a third of its exchanges: who speaks into answers tears them, who speaks now and then says less.",
     ),
     FindingCode(
+        "several-answer-twice",
+        "pairing",
+        "Several servos answer twice now and then, and none of them mostly.",
+        "Two servos and more with three whole second answers each, behind at most a tenth of their exchanges: a second servo would answer each request.",
+    ),
+    FindingCode(
         "answers-mixed",
         "pairing",
         "Torn answers of a servo are two of its answers at once, some bits apart, or lie over those of the servo asked next.",
@@ -69,6 +75,10 @@ FINDINGS: Final = (
         "At least eight answers, of which nineteen in twenty are torn and one in ten at most is missing; no clock, no single bit and no lost first byte explains it.",
     ),
 )
+
+NOW_AND_THEN: Final = 0.1
+"""Part of a servo's exchanges in which it may answer twice without a twin: who answers each request
+is heard oftener, but for what collides."""
 
 WHOLE: Final = 20
 WHOLE_TIMES: Final = 3
@@ -152,6 +162,25 @@ def answers_twice(case: Case) -> Iterator[Finding]:
                 case.places(events, "a second answer", 2),
                 brief=f"both answers of servo {servo} are whole",
             )
+
+
+def several_answer_twice(case: Case) -> Iterator[Finding]:
+    """Find servos that answer twice as seldom as each other: somebody else asks them, too."""
+    some = [t for t in twins(case).values() if t.whole >= LEAST]
+    seldom = [t for t in some if t.twice <= NOW_AND_THEN * case.total("ok", t.servo_id)]
+    if len(some) < LEAST - 1 or len(seldom) < len(some):
+        return
+    who = ", ".join(str(t.servo_id) for t in seldom)
+    yield Finding(
+        "several-answer-twice",
+        None,
+        min(min(t.times) for t in seldom),
+        max(max(t.times) for t in seldom),
+        sum(t.whole for t in seldom),
+        f"servos {who} answer twice now and then, {sum(t.whole for t in seldom)} times in all",
+        case.places(case.anomalies("duplicate-response"), "a second answer", 2),
+        brief=f"{len(seldom)} servos answer twice now and then",
+    )
 
 
 def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
@@ -274,6 +303,7 @@ def stop_bits_held_low(case: Case) -> Iterator[Finding]:
 
 RULES: Final[tuple[Rule, ...]] = (
     answers_twice,
+    several_answer_twice,
     answers_mixed,
     stop_bits_held_low,
     always_torn,
