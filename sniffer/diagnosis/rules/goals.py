@@ -10,6 +10,7 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import TORN, may_be_torn
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.jumps import JUMP, positions
 from sniffer.diagnosis.trips import BEYOND, trips
 from sniffer.ground.milli import MILLI
 
@@ -94,6 +95,8 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             continue
         if may_be_torn(case, len(jumps)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
             continue
+        if returns and _is_weak(case) and _is_as_positions(case, jumps, usual):
+            continue
         size = goals.told(max(jump.size for jump in jumps))
         yield Finding(
             "goal-jump",
@@ -107,6 +110,12 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             brief=f"a goal of servo {servo} jumps by {size}",
             episodes=tuple((j.first_ns, j.last_ns) for j in jumps),
         )
+
+
+def _is_as_positions(case: Case, jumps: Sequence[_Jump], usual: float) -> bool:
+    """Tell whether a measured position jumps as far: one bit is altered, of answers and of requests."""
+    sizes = [size for f in positions(case) for name, size in f.values if name == JUMP]
+    return any(abs(jump.size - size) <= usual for jump in jumps for size in sizes)
 
 
 def _timed(case: Case, goals: Series) -> tuple[list[_Jump], float, bool]:
