@@ -39,7 +39,8 @@ class Overdue(NamedTuple):
     """A servo whose answers lie over what is said behind its request, and what they tear.
 
     ``is_sure``: what is torn is not always one servo's answer, or that is whole where no answer is
-    overdue; else a servo that is not there and a fault of the next one look alike.
+    overdue, or its own answers are torn, too; else a servo that is not there and a fault of the next
+    one look alike.
     """
 
     servo_id: int
@@ -84,7 +85,8 @@ def _overdue(case: Case) -> Overdue | None:
     share = DEPTH * asked / max(case.total("asked"), 1)
     if share >= 1 or at_least(len(mine), len(places), share) > CHANCE:
         return None
-    return Overdue(servo, tuple(mine.values()), _is_sure(case, behind, len(behind) / times))
+    is_sure = len(own) >= LEAST or _is_sure(case, behind, len(behind) / times)
+    return Overdue(servo, tuple(mine.values()), is_sure)
 
 
 def _is_sure(case: Case, places: Sequence[Damage], share: float) -> bool:
