@@ -39,8 +39,8 @@ class Overdue(NamedTuple):
     """A servo whose answers lie over what is said behind its request, and what they tear.
 
     ``is_sure``: what is torn is not always one servo's answer, or that is whole where no answer is
-    overdue, or its own answers are torn, too; else a servo that is not there and a fault of the next
-    one look alike.
+    overdue, or its own answers are torn, too; else a servo that is not there and a fault of the
+    next one look alike.
     """
 
     servo_id: int
