@@ -13,6 +13,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.jumps import JUMP, positions
 from sniffer.diagnosis.trips import BEYOND, trips
 from sniffer.ground.milli import MILLI
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -113,9 +114,21 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
 
 
 def _is_as_positions(case: Case, jumps: Sequence[_Jump], usual: float) -> bool:
-    """Tell whether a measured position jumps as far: one bit is altered, of answers and of requests."""
-    sizes = [size for f in positions(case) for name, size in f.values if name == JUMP]
-    return any(abs(jump.size - size) <= usual for jump in jumps for size in sizes)
+    """Tell whether a measured position jumps as far that no goal sent there.
+
+    One bit is altered then, of answers and of requests.
+    """
+    for f in positions(case):
+        size = dict(f.values).get(JUMP, 0.0)
+        alike = any(abs(jump.size - size) <= usual for jump in jumps)
+        goals = case.series(f.servo_id, "goal_position") if f.servo_id is not None else None
+        if not alike or goals is None:
+            continue
+        since, until = f.episodes[0]
+        then = (goals.t >= since - NS) & (goals.t_first <= until + NS)
+        if float(goals.step[then].max(initial=0.0)) < size / 2:
+            return True
+    return False
 
 
 def _timed(case: Case, goals: Series) -> tuple[list[_Jump], float, bool]:
