@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.faults import read_fault
 from tests.conversations import Conversation, swinging
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
 
 SERVOS = (1, 2, 3, 4)
 CYCLES = 60
@@ -93,3 +97,12 @@ def test_a_servo_that_is_not_there_is_not_late_where_others_are_torn() -> None:
 def test_two_answers_of_one_id_behind_a_servo_that_is_not_there_are_no_late_one() -> None:
     told = lain_over(absent=1, torn=2).diagnosed()
     assert set(verdicts(told.incidents())) == {("duplicate-id", (2,)), ("servo-absent", (1,))}
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "wck"])
+def test_two_servos_that_answer_twice_now_and_then_are_twins_where_no_request_is_torn(
+    protocol: str,
+) -> None:
+    faults = [read_fault(f"duplicate-id:{servo}:4%") for servo in (1, 2)]
+    told = diagnosed(chunks_of(simulate(protocol, seed=5, faults=faults, duration_s=12)), protocol)
+    assert {cause for cause, _ in verdicts(told.incidents())} == {"duplicate-id"}

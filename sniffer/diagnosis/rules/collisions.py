@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.overdue import is_overdue, overdue
@@ -51,7 +51,7 @@ FINDINGS: Final = (
         "several-answer-twice",
         "pairing",
         "Several servos answer twice now and then, and none of them mostly.",
-        "Two servos and more with three whole second answers each, behind at most a tenth of their exchanges: a second servo would answer each request.",
+        "Two servos and more with three whole second answers each, behind at most a tenth of their exchanges, and as many torn requests: a second servo would answer each request, and tears less.",
     ),
     FindingCode(
         "answers-mixed",
@@ -168,7 +168,10 @@ def several_answer_twice(case: Case) -> Iterator[Finding]:
     """Find servos that answer twice as seldom as each other: somebody else asks them, too."""
     some = [t for t in twins(case).values() if t.whole >= LEAST]
     seldom = [t for t in some if t.twice <= NOW_AND_THEN * case.total("ok", t.servo_id)]
-    if len(some) < LEAST - 1 or len(seldom) < len(some):
+    many = sum(t.whole for t in some)
+    # two that ask run into each other: more of their requests are torn than answers come twice
+    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
+    if len(some) < LEAST - 1 or len(seldom) < len(some) or torn < many:
         return
     who = ", ".join(str(t.servo_id) for t in seldom)
     yield Finding(
@@ -176,8 +179,8 @@ def several_answer_twice(case: Case) -> Iterator[Finding]:
         None,
         min(min(t.times) for t in seldom),
         max(max(t.times) for t in seldom),
-        sum(t.whole for t in seldom),
-        f"servos {who} answer twice now and then, {sum(t.whole for t in seldom)} times in all",
+        many,
+        f"servos {who} answer twice now and then, {many} times in all",
         case.places(case.anomalies("duplicate-response"), "a second answer", 2),
         brief=f"{len(seldom)} servos answer twice now and then",
     )
