@@ -283,3 +283,25 @@ def test_a_capture_at_a_wrong_rate_is_told_as_that_and_not_as_an_unknown_protoco
     path.write_text("".join(lines), encoding="ascii")
     (incident,) = diagnose.told(path)["incidents"]
     assert incident["causes"][0]["cause"] == "wrong-baud"
+
+
+def test_causes_that_are_nothing_are_not_shown_and_scripts_have_them(diagnose: Asked) -> None:
+    capture = CAPTURES / "mightyzap_damaged.log"
+    told = diagnose.says(capture).out
+    assert " 0 %" not in told
+    assert " 3 %  emi-load" in told
+    (brownout, *_) = diagnose.told(capture)["incidents"]
+    assert [c["cause"] for c in brownout["causes"]] == ["brownout", "bus-noise", "emi-load"]
+
+
+def test_an_echo_is_told_as_what_it_is_and_not_as_one_of_a_number(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    talk = Conversation("mightyzap")
+    for _ in range(40):
+        for servo in (1, 2):
+            talk.say(talk.tongue.ask(servo))
+            talk.read(servo, 0.5)
+    told = diagnose.says(said(tmp_path / "echo.log", talk)).out
+    assert "every request is heard twice" in told
+    assert "1 x adapter-echo" not in told

@@ -12,6 +12,7 @@ import pytest
 
 from bench.diagnosis import patterns
 from bench.diagnosis.bodies import stays, steps
+from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.hosts import HOSTS
 from bench.diagnosis.making import Plan, bench_of, plan, program, second, talked
@@ -39,6 +40,7 @@ from sniffer.diagnosis.rules import (
     masters,
     motors,
     outages,
+    rates,
     rhythms,
     streams,
 )
@@ -210,11 +212,20 @@ ALL: Final = frozenset(
         masters,
         motors,
         outages,
+        rates,
         rhythms,
         streams,
     )
     for entry in area.FINDINGS
 )
+
+
+def drawn(name: str, draw: int) -> set[str]:
+    """Return what is found in a conversation of the benchmark."""
+    (scenario,) = scenarios(draw, name)
+    capture = HOSTS["exact"](scenario, scenario.make(draw), draw)
+    return codes(diagnosed(capture.chunks, scenario.protocol, baud=scenario.baud))
+
 
 FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
     {
@@ -247,6 +258,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "late twins": lambda: twins(1_500_000, "mightyzap", Clash.AND),
         "twins apart": lambda: codes(servos.suffering("lss", "duplicate-id:2:60%", 6.0)),
         "two masters": two_masters,
+        "two that ask bare": lambda: drawn("two-masters-wck", 99919),
         "two loops": two_loops,
         "two rounds": lambda: codes(two_rounds(31, 43, apart_ms=0.2).diagnosed()),
         "two of one period": two_of_one_period,
@@ -287,6 +299,7 @@ TOLD: Final = (
     ("last-byte-torn", "early release", "held driver"),
     ("answers-twice", "late twins", "early release"),
     ("second-answers-whole", "twins apart", "late twins"),
+    ("several-answer-twice", "two that ask bare", "twins apart"),
     ("answers-mixed", "twins", "fast clock"),
     ("answers-always-torn", "fast clock", "contact"),
     ("requests-run-together", "two masters", "late edges"),

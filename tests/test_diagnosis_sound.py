@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from bench.diagnosis.catalogue import scenarios
+from bench.diagnosis.hosts import HOSTS
+from bench.diagnosis.judging import diagnosed as drawn
 from sniffer.ground.coarse import coarse
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import MS, TONGUES, Conversation, robot, swinging
@@ -234,3 +237,10 @@ def test_a_joint_that_is_met_at_one_place_on_its_way_three_times_does_not_stand(
 
     assert "joint-not-following" not in looked_at(lambda t: wanted(t - 0.1))
     assert "joint-not-following" in looked_at(lambda t: 0.85)
+
+
+def test_a_joint_of_bursts_that_is_looked_at_now_and_then_does_not_stand_where_it_was_met() -> None:
+    """Drawn traffic: one servo of seven is read behind each burst of goals, whichever it is."""
+    (scenario,) = scenarios(99931, "sound-bursts-lss")
+    told, _ = drawn(HOSTS["exact"](scenario, scenario.make(99931), 99931))
+    assert told == ()

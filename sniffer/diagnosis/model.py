@@ -128,6 +128,11 @@ class Incident:
         """The likeliest cause."""
         return self.causes[0].cause
 
+    @property
+    def likely(self) -> tuple[Ranked, ...]:
+        """The causes that people are told of: the first one, and those that may be."""
+        return (*self.causes[:1], *(c for c in self.causes[1:] if c.percent))
+
     def named(self, names: ServoNames) -> Incident:
         """Return it with the names of servos in its sentences, as people are told of it."""
         if not names:

@@ -245,10 +245,10 @@ class JointTrack:
         since = np.maximum(np.searchsorted(p.t, self._goals_since) - 1, 0)
         low, high = _extremes(p, since, np.arange(len(p)) + 1)
         stands = (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
-        if self._is_seldom:  # a joint that follows is met at one place a few times, on its way
-            off, met = (np.concatenate([[0], np.cumsum(x)]) for x in (self._is_off, p.n))
-            behind = np.arange(len(p)) + 1
-            stands &= (off[behind] - off[since] >= SEEN) | (met[behind] - met[since] > LOOKS)
+        # a joint that follows is met at one place a few times, on its way; looks at once are one
+        off = np.concatenate([[0], np.cumsum(self._is_off)])
+        behind = np.arange(len(p)) + 1
+        stands &= (off[behind] - off[since] >= SEEN) | (behind - since > LOOKS)
         away |= stands
         return (away & (looks >= LOOKS - 1)) | self._is_away_at_looks
 

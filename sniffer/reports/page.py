@@ -200,7 +200,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
             tag("td", tag("b", c.cause)),
             tag("td", c.why),
         )
-        for c in incident.causes[:LIKELY]
+        for c in incident.likely[:LIKELY]
     ]
     found = [
         tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", f.what))

@@ -128,7 +128,7 @@ def _print_evidence(i: Incident, console: Console, *, is_one_bus: bool) -> None:
 
 
 def _print_causes(i: Incident, console: Console) -> None:
-    for rank, cause in enumerate(i.causes):
+    for rank, cause in enumerate(i.likely):
         line = Text(cause.cause)
         if not rank:
             line.append(f": {cause.brief or cause.why}")

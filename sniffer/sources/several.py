@@ -149,11 +149,7 @@ STANDARD_INPUT: Final = "standard input"
 
 
 def inputs_of(source: str | Path | Sequence[str | Path]) -> list[str | Path]:
-    """Return the inputs of a capture, of one file or of several.
-
-    Raises:
-        InputError: it is none, such as the bytes of a file.
-    """
+    """Return the inputs of a capture, of one file or of several; bytes raise an InputError."""
     if isinstance(source, bytes | bytearray | memoryview):
         raise InputError("a path is needed, or several: bytes are for `decode` and `Decoder`")
     return [source] if isinstance(source, str | Path) else [*source]

@@ -36,6 +36,7 @@ from sniffer.diagnosis.rules import (
     outages,
     pairing,
     patience,
+    rates,
     refusing,
     remains,
     restarts,
@@ -53,6 +54,7 @@ from sniffer.diagnosis.rules import (
     timing,
     translated,
     unasked,
+    waits,
     warmth,
 )
 
@@ -83,6 +85,7 @@ _AREAS: Final = (
     crossings,
     everybody,
     foreign,
+    rates,
     forms,
     heads,
     held,
@@ -104,6 +107,7 @@ _AREAS: Final = (
     texts,
     translated,
     unasked,
+    waits,
     warmth,
 )
 

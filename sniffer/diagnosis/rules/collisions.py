@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.overdue import is_overdue, overdue
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.bare import said_by_another
 from sniffer.diagnosis.rules.interruptions import torn_requests
@@ -47,6 +48,12 @@ FINDINGS: Final = (
         "Twenty second answers of one servo that are whole and name it, three times as many as there are torn places in all, and behind a third of its exchanges: who speaks into answers tears them, who speaks now and then says less.",
     ),
     FindingCode(
+        "several-answer-twice",
+        "pairing",
+        "Several servos answer twice now and then, and none of them mostly.",
+        "Two servos and more with three whole second answers each, behind at most a tenth of their exchanges, and as many torn requests: a second servo would answer each request, and tears less.",
+    ),
+    FindingCode(
         "answers-mixed",
         "pairing",
         "Torn answers of a servo are two of its answers at once, some bits apart, or lie over those of the servo asked next.",
@@ -68,6 +75,10 @@ FINDINGS: Final = (
         "At least eight answers, of which nineteen in twenty are torn and one in ten at most is missing; no clock, no single bit and no lost first byte explains it.",
     ),
 )
+
+NOW_AND_THEN: Final = 0.1
+"""Part of a servo's exchanges in which it may answer twice without a twin: who answers each request
+is heard oftener, but for what collides."""
 
 WHOLE: Final = 20
 WHOLE_TIMES: Final = 3
@@ -153,6 +164,28 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             )
 
 
+def several_answer_twice(case: Case) -> Iterator[Finding]:
+    """Find servos that answer twice as seldom as each other: somebody else asks them, too."""
+    some = [t for t in twins(case).values() if t.whole >= LEAST]
+    seldom = [t for t in some if t.twice <= NOW_AND_THEN * case.total("ok", t.servo_id)]
+    many = sum(t.whole for t in some)
+    # two that ask run into each other: more of their requests are torn than answers come twice
+    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
+    if len(some) < LEAST - 1 or len(seldom) < len(some) or torn < many:
+        return
+    who = ", ".join(str(t.servo_id) for t in seldom)
+    yield Finding(
+        "several-answer-twice",
+        None,
+        min(min(t.times) for t in seldom),
+        max(max(t.times) for t in seldom),
+        many,
+        f"servos {who} answer twice now and then, {many} times in all",
+        case.places(case.anomalies("duplicate-response"), "a second answer", 2),
+        brief=f"{len(seldom)} servos answer twice now and then",
+    )
+
+
 def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
     """Return whose second answers they may be: bare ones name nobody, and no sure time tells."""
     if not case.has_bare_answers or (case.has_clock and case.latency_ns <= EXACT_NS):
@@ -165,10 +198,17 @@ def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
     return tuple(other for other, _ in before.most_common(1))
 
 
+def lies_over(case: Case) -> int:
+    """Return the servo whose answers are overdue and, by their bytes, lie over another's; -1."""
+    late = overdue(case)
+    twin = None if late is None else twins(case).get(late.servo_id)
+    return -1 if twin is None or twin.over < 0 else twin.servo_id
+
+
 def answers_mixed(case: Case) -> Iterator[Finding]:
     """Find servos whose torn answers are two of theirs at once."""
     for servo, twin in twins(case).items():
-        if len(twin.mixed) < max(LEAST, PART * twin.tried):
+        if len(twin.mixed) < max(LEAST, PART * twin.tried) or servo == lies_over(case):
             continue
         shifts = sorted(mix.shift for _, mix in twin.mixed)
         how = Counter(mix.how for _, mix in twin.mixed).most_common(1)[0][0]
@@ -195,6 +235,8 @@ def answers_mixed(case: Case) -> Iterator[Finding]:
 
 def always_torn(case: Case) -> Iterator[Finding]:
     """Find servos of which hardly an answer is whole, and none is missing."""
+    if is_overdue(case):
+        return  # the answer to a request before lies over them
     for servo, torn in torn_answers(case).items():
         if sum(d.at in torn_by_twins(case) for d in torn) > PLAIN * len(torn):
             continue  # another's second answers lie over them
@@ -264,6 +306,7 @@ def stop_bits_held_low(case: Case) -> Iterator[Finding]:
 
 RULES: Final[tuple[Rule, ...]] = (
     answers_twice,
+    several_answer_twice,
     answers_mixed,
     stop_bits_held_low,
     always_torn,

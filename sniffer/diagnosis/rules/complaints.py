@@ -112,7 +112,8 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     """Return how sure it is that a servo said so.
 
     Of frames that are torn some hold by chance, and say anything: as seldom, and not in the next answer,
-    or, where two senders tear them alike, time and again, and seldom as an answer that is due.
+    or in the name of who never answers, or, where two senders tear them alike, time and again, and
+    seldom as an answer that is due.
     """
     is_torn = int(case.damage["n"].sum()) >= TORN
     said = case.anomalies(code, servo_id=servo).t_ns
@@ -123,7 +124,8 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     if is_torn and is_over.all() and (count == 1 or may_be_torn(case, count)):
         return BY_CHANCE
     if count == 1:
-        return 0.8
+        is_nobody = is_torn and bool(case.answering) and servo not in case.answering
+        return BY_CHANCE if is_nobody else 0.8
     stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
     is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
     return BY_CHANCE if is_torn else 1.0

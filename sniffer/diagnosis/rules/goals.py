@@ -10,8 +10,10 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import TORN, may_be_torn
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.jumps import JUMP, positions
 from sniffer.diagnosis.trips import BEYOND, trips
 from sniffer.ground.milli import MILLI
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -99,6 +101,8 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             continue
         if may_be_torn(case, len(jumps)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
             continue
+        if returns and _is_weak(case) and _is_as_positions(case, jumps, usual):
+            continue
         size = goals.told(max(jump.size for jump in jumps))
         yield Finding(
             "goal-jump",
@@ -112,6 +116,24 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             brief=f"a goal of servo {servo} jumps by {size}",
             episodes=tuple((j.first_ns, j.last_ns) for j in jumps),
         )
+
+
+def _is_as_positions(case: Case, jumps: Sequence[_Jump], usual: float) -> bool:
+    """Tell whether a measured position jumps as far that no goal sent there.
+
+    One bit is altered then, of answers and of requests.
+    """
+    for f in positions(case):
+        size = dict(f.values).get(JUMP, 0.0)
+        alike = any(abs(jump.size - size) <= usual for jump in jumps)
+        goals = case.series(f.servo_id, "goal_position") if f.servo_id is not None else None
+        if not alike or goals is None:
+            continue
+        since, until = f.episodes[0]
+        then = (goals.t >= since - NS) & (goals.t_first <= until + NS)
+        if float(goals.step[then].max(initial=0.0)) < size / 2:
+            return True
+    return False
 
 
 def _timed(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:

@@ -53,7 +53,7 @@ FINDINGS: Final = (
         "The kinds of requests in the order in which this controller makes them: where an answer is "
         "torn that lacks no bytes, or bytes stand behind one that end as the missing one does, one is "
         "left out, or said again only later. Where stamps do not tell what is torn in one go: five times at least, behind four in "
-        "five torn answers that say whose they are.",
+        "five torn answers that say whose they are. Or by time: the controller waits behind it as long as for two requests.",
     ),
     FindingCode(
         "answers-spoken-into",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import STRAYS
+from sniffer.diagnosis.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
@@ -118,7 +118,10 @@ LONE: Final = 0.6
 """How much it counts where no joint of the bus ever followed: positions may be no measurements."""
 
 PERHAPS: Final = 0.5
-"""How much it counts that a joint presses as it would by plan."""
+"""How much it counts that a joint presses as it would by plan, or may not have heard its goals."""
+
+LOST: Final = 0.1
+"""Part of the requests that are torn where a joint may stand because it is not told to go."""
 
 FEW: Final = 2
 DISPLACED: Final = 0.5
@@ -332,6 +335,12 @@ def _since(one: JointTrack, away: Away, moments: I64) -> bool:
     return away.first_ns - last <= BEFORE_NS or bool(still)
 
 
+def _goals_are_lost(case: Case) -> bool:
+    """Tell whether so many requests are torn that goals do not reach their servos, some in a row."""
+    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
+    return torn > LOST * (torn + int(case.traffic["requests"].sum()))
+
+
 def _found(
     case: Case, one: JointTrack, code: str, several: Sequence[Away], *, moved: bool
 ) -> Finding:
@@ -360,7 +369,7 @@ def _found(
         what = f"goal {goals.told(goals.first[g])}"
         places += (Place(int(goals.at[g]), 1, int(goals.t_first[g]), what),)
     sure = 1.0 if took_ns >= ENOUGH_NS or len(several) > 1 else 0.8
-    sure *= PERHAPS if by_plan else 1.0
+    sure *= PERHAPS if by_plan or _goals_are_lost(case) else 1.0
     meant = (
         "; it came there on the way to that goal, as one does that is to press" if by_plan else ""
     )

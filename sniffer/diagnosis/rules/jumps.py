@@ -66,6 +66,9 @@ LESS: Final = 0.7
 BACK: Final = 0.25
 """A value is back if no more than this part of the jump is left."""
 
+JUMP: Final = "jump"
+"""Of a position that jumps: by how much at first, in its unit."""
+
 WARMER_DEGC: Final = 10.0
 
 
@@ -220,6 +223,7 @@ def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding
         strength=min(0.8 + 0.1 * len(jumps), 1.0) * (1.0 if case.has_checksum else LESS),
         brief=f"position of servo {servo} jumps from {to}",
         episodes=tuple((s.t_ns - s.took_ns, s.t_ns) for s in jumps),
+        values=((JUMP, first.size / MILLI),),
     )
 
 

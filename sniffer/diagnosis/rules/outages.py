@@ -193,6 +193,8 @@ def losses(case: Case) -> Iterator[Finding]:
     first = min(int(o.times[0]) for o in group)
     for one in group:
         chance = at_least(one.bad, one.bad + one.ok, (rest_bad + 1) / (rest + 2)) if sound else 0.1
+        # of who is asked seldom nobody knows how much he loses
+        chance = max(chance, at_least(rest - rest_bad, rest, 1 - one.share)) if sound else chance
         places = tuple(
             Place(at, 1, t, "a request without a sound answer")
             for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)

@@ -31,6 +31,9 @@ SECOND: Final = "duplicate-response"
 """Where two servos share an id, and the second answers when the next servo was asked already, this is
 said of the next one's answer: the fault is not that one's."""
 
+ONCE: Final = {"adapter-echo": "every request is heard twice, byte for byte (adapter-echo)"}
+"""What is told once, however often it is so: the number of times would say nothing."""
+
 PLENTY: Final = 20
 """So many of one kind are beyond doubt; one alone has half the weight."""
 
@@ -61,7 +64,7 @@ def symptoms(case: Case) -> Iterator[Finding]:
             spans[0][0],
             max(last for _, last in spans),
             count,
-            f"{count} x {code}{of}",
+            ONCE.get(code, f"{count} x {code}{of}"),
             case.places(case.anomalies(code, servo_id=servo), f"{code}{of}: {known.means}", 2),
             strength=0.5 + 0.5 * min(count / PLENTY, 1.0),
             episodes=spans,

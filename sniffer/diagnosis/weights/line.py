@@ -245,6 +245,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             5.0,
             "who speaks into answers leaves no second ones that are whole",
         ),
+        ("several-answer-twice", -6.0, "others answer twice as seldom: they are asked twice"),
+        ("rounds-cross", -3.0, "two servos do not mix the rounds of requests"),
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
         ("places-scatter", 5.0, "two joints stand at two places, or two answers are mixed"),

@@ -128,6 +128,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("device-recovered", 0.1, "what holds by chance says anything"),
         ("hasty-request", 0.8, "one asks while the other waits for its answer"),
         ("request-in-answer", 0.8, "one asks into the other's answer"),
+        ("several-answer-twice", 2.5, "two ask, and two answers come, of whomever"),
         ("damage-in-requests", 0.8, "requests run into each other"),
         ("damage-everywhere", 0.6, "requests run into each other"),
         ("bad-checksum", 0.5, "requests and answers run into each other"),
