@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sniffer
-from sniffer.ground.heard import SET_BACK_NS, Heard, set_back
+from sniffer.ground.heard import SET_BACK_NS, HeardSpan, set_back
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -73,12 +73,12 @@ def test_stamps_that_overlap_are_no_clock_that_was_set_back() -> None:
 
 def test_what_is_heard_in_parts_was_heard_as_long_as_in_one(summer_ends: Path) -> None:
     batches = sniffer.decode(summer_ends).batches
-    whole, joined = Heard(), Heard()
+    whole, joined = HeardSpan(), HeardSpan()
     for _, protocol, batch in batches:
         cut = len(batch.frames) // 2
         for frames in (batch.frames.take(slice(0, cut)), batch.frames.take(slice(cut, None))):
             whole.take(protocol.name, frames)
-            part = Heard()
+            part = HeardSpan()
             part.take(protocol.name, frames)
             joined.join(part)
     assert joined.ns == whole.ns > 0

@@ -15,7 +15,7 @@ from sniffer.decoding.names import AND
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.heard import Heard
+from sniffer.ground.heard import HeardSpan
 from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Clock, Severity
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class BusTotals:
     models: dict[int, tuple[str, int]] = field(default_factory=dict)
     """Servo id -> model and grounds (a provenance), where it was named or the wire showed it."""
     clock: str = "none"
-    heard: Heard = field(default_factory=Heard)
+    heard: HeardSpan = field(default_factory=HeardSpan)
     _ops: dict[tuple[str, int], str] = field(default_factory=dict)
 
     def add(self, protocol: BusProtocol, batch: Batch) -> None:

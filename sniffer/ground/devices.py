@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import stat
-import sys
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -23,8 +22,8 @@ def is_pseudo(status: os.stat_result) -> bool:
 
     Other systems than Linux do not say so: there everything is taken for a serial port.
     """
-    is_device = sys.platform == "linux" and stat.S_ISCHR(status.st_mode)
-    return is_device and os.major(status.st_rdev) in _PTY_MAJORS
+    is_linux = os.name == "posix" and os.uname().sysname == "Linux"
+    return is_linux and stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in _PTY_MAJORS
 
 
 def is_port(path: Path, status: os.stat_result) -> bool:

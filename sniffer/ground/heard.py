@@ -23,7 +23,7 @@ def set_back(t_ns: I64, before_ns: int) -> I64:
 
 
 @dataclass(slots=True)
-class Heard:
+class HeardSpan:
     """The times of the first and the last frame, in the order of the stream, and how long it was.
 
     Where the clock was set back, no time passed: 8 s of frames over a clock that is set back by an
@@ -53,7 +53,7 @@ class Heard:
             self._set_back[protocol] += before - int(ends[row])
         self.last_ns = self._lasts[protocol] = int(ends[-1])
 
-    def join(self, more: Heard) -> None:
+    def join(self, more: HeardSpan) -> None:
         """Take what was heard behind this."""
         if more.first_ns is None:
             return

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _KINDS: Final = tuple(zip(CODES, SEVERITY, strict=True))
 
 
-class Met:
+class CountedKind:
     """Anomalies of the kind that a place names: which is the nth of them in time.
 
     Each bus has its own in order, and tells them in pieces: the nth is known when all other buses
@@ -79,7 +79,7 @@ class Finder:
         self._anomalies = 0
         self._told: dict[str, float] = {}
         """How far each bus was told, in ns."""
-        self._met = {place: Met(place.number) for place in self._places if place.is_counted}
+        self._met = {place: CountedKind(place.number) for place in self._places if place.is_counted}
         self._of_any = [p for p in self._places if p.sought == "byte" and not p.bus]
         self._heard: Counter[str] = Counter()
         """How many bytes of each bus there were so far."""

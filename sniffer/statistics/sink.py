@@ -11,7 +11,7 @@ from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.heard import Heard
+from sniffer.ground.heard import HeardSpan
 from sniffer.ground.timing import byte_time_ns
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
@@ -48,7 +48,7 @@ class WireBytes:
     gaps: Counter[str] = field(default_factory=Counter)
     """By reason, how many."""
     baud: int = 0
-    heard: Heard = field(default_factory=Heard)
+    heard: HeardSpan = field(default_factory=HeardSpan)
     first_ns: int | None = None
     last_ns: int = 0
 
