@@ -310,6 +310,7 @@ def test_a_few_frames_by_chance_do_not_hide_that_another_protocol_was_named() ->
     ran = sniffer("decode", CAPTURES / "mightyzap_clean.log", "--protocol", "wck", "--summary")
     assert ran.status == 0
     assert "of the bytes are frames of wck: it looks like mightyzap (sure" in ran.err
+    assert "decode it with --protocol mightyzap" in ran.err
     assert "this looks like mightyzap: decode it as mightyzap" in ran.out
 
 

@@ -202,7 +202,9 @@ def run_source(
             told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
             ending = Ending.MISTAKEN if ending == Ending.DONE else ending
         else:
-            tell.talk(f"{mistake}: it looks like {mistake.found}")
+            told_of = "{mistake}: it looks like {found}: decode it with {protocol:{name}}"
+            name = mistake.found.protocol
+            tell.talk(Sentence(told_of, mistake=mistake, found=mistake.found, name=name))
     for rule in pipeline.unmet():
         tell.warn(rule)
     if part is None and pipeline.summary.buses:
