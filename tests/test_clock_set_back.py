@@ -71,6 +71,16 @@ def test_stamps_that_overlap_are_no_clock_that_was_set_back() -> None:
     assert set_back(times, SET_BACK_NS + 1).tolist() == [0]
 
 
+def test_protocols_of_one_wire_are_told_one_behind_the_other_and_no_clock_was_set() -> None:
+    (_, _, batch), *_ = sniffer.decode(CAPTURE).batches
+    frames, heard = batch.frames, HeardSpan()
+    half = len(frames) // 2
+    heard.take("b", frames.take(slice(half, None)))
+    heard.take("a", frames.take(slice(0, half)))
+    heard.take("b", frames.take(slice(len(frames) - 1, None)))
+    assert heard.ns == int(frames.t_end[-1] - frames.t_start[0])
+
+
 def test_what_is_heard_in_parts_was_heard_as_long_as_in_one(summer_ends: Path) -> None:
     batches = sniffer.decode(summer_ends).batches
     whole, joined = HeardSpan(), HeardSpan()

@@ -45,9 +45,10 @@ class HeardSpan:
     def take(self, protocol: str, frames: Frames) -> None:
         """Take frames of a protocol, of which there is one at least."""
         ends = frames.t_end
-        if self.first_ns is None:
-            self.first_ns = int(frames.t_start[0])
-        last = self._lasts.get(protocol, self.first_ns)
+        if protocol not in self._lasts:  # its first ones may have come before those of another one
+            begun = int(frames.t_start[0])
+            self.first_ns = begun if self.first_ns is None else min(begun, self.first_ns)
+        last = self._lasts.get(protocol, int(ends[0]))
         for row in set_back(ends, last).tolist():
             before = int(ends[row - 1]) if row else last
             self._set_back[protocol] += before - int(ends[row])

@@ -9,6 +9,7 @@ from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS
 
 DAY_NS: Final = 86400 * NS
+"""A day of UTC, which has no leap seconds where times are counted from 1970."""
 
 
 def of_day(t_ns: int, digits: int = 3) -> str:

@@ -61,8 +61,10 @@ class Aside:
         for path, held in self._held:
             with contextlib.suppress(OSError):
                 shutil.copymode(held, path)
-            for left in (held, *_left(path)):
-                left.unlink(missing_ok=True)
+            held.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                for left in _left(path):
+                    left.unlink()
 
 
 def _hidden(path: Path) -> str:
