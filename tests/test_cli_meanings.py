@@ -83,3 +83,18 @@ def test_a_word_that_is_nearly_right_is_answered_with_the_right_one(
     ran = within(capsys, *arguments)
     assert ran.status == 2
     assert meant in ran.complaint
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "FF FF FF 01 02 F1 0B",
+        r"\xff\xff\xff\x01\x02\xf1\x0b",
+        r"b'\xff\xff\xff\x01\x02\xf1\x0b'",
+        "255 255 255 1 2 241 11",
+        "255, 255, 255, 1, 2, 241, 11",
+        "{0xFF, 0xFF, 0xFF, 0x01, 0x02, 0xF1, 0x0B}",
+    ],
+)
+def test_bytes_may_be_written_as_programs_print_them(text: str) -> None:
+    assert read_hex(text).hex() == "ffffff0102f10b"

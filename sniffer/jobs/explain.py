@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from sniffer.ground.model import Batch, Chunk, Gap, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.tables import owner_of, with_tables
+from sniffer.sources.plain import hex_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +27,10 @@ _LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
 
 
 def read_hex(text: str) -> bytes:
-    """Return the bytes of a hex text, or of an LSS line given as text.
+    """Return the bytes of a hex text, of an LSS line given as text, or as programs print them.
+
+    Those are decimal numbers of which one has three digits, and whatever a line of a hex dump may
+    have: arrays of C, and bytes as Python shows them.
 
     Raises:
         InputError: it is neither.
@@ -33,11 +38,14 @@ def read_hex(text: str) -> bytes:
     plain = text.strip()
     if _LSS.fullmatch(plain):
         return plain.encode("ascii") + b"\r"
+    numbers = re.split(r"[\s,;]+", plain)
+    if any(len(n) == 3 for n in numbers) and all(n.isdecimal() and int(n) < 256 for n in numbers):
+        return bytes(map(int, numbers))
     squeezed = re.sub(r"0[xX]|[\s,;:]", "", plain)
-    try:
+    with contextlib.suppress(ValueError):
         return bytes.fromhex(squeezed)
-    except ValueError:
-        pass
+    with contextlib.suppress(ValueError):
+        return hex_line(plain.encode())
     odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
     why = "an odd number of hex digits" if odd else "not hex digits"
     told = "write bytes as FF FF FF 01 02 F1 0B"
