@@ -44,3 +44,12 @@ def test_an_incident_that_ends_on_another_day_says_which(
     assert within(capsys, "report", two_days, "-o", tmp_path / "r.md").status == 0
     written = (tmp_path / "r.md").read_text()
     assert re.search(r"22:55:06\.\d+ to 2026-11-21 22:55:13\.\d+", written)
+
+
+def test_hours_of_a_clock_that_counts_from_its_beginning_are_seen_whole(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "uptime.log"
+    path.write_text(re.sub(r"(?m)^\(17952\d{5}", "(1000000", CAPTURE.read_text()))
+    out = within(capsys, "decode", path).out.splitlines()
+    assert re.match(r"277:46:40\.001\d* +(bus0 +)?1 > echo", out[1])

@@ -115,6 +115,7 @@ class TextSink:
         self._second = -1, ""
         """The second that was told last, in words."""
         self._day: int | None = None
+        self._more = 0
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
@@ -146,7 +147,7 @@ class TextSink:
         room = min(room, most) if self._is_cut else room
         self._shown.update(_told_apart(shown, room))
         time, *_, kind, command, verdict = WIDTHS if self._wide else NARROW
-        before = [time, *[room] * self._with_bus, self._ids, kind, command]
+        before = [time + self._more, *[room] * self._with_bus, self._ids, kind, command]
         left = max(self._width - sum(n + 1 for n in (*before, verdict)), 12)
         left = left if self._is_cut else VALUES + BYTES + 1
         self._with_bytes = self._wide and left > VALUES + BYTES
@@ -185,6 +186,8 @@ class TextSink:
         told = []
         if not self._widths:
             begun = due[0][1].t_ns + FIRST_NS
+            # of a clock that counts from when it was switched on hours may have more digits
+            self._more = len(of_day(begun, 0)) - len("00:00:00")
             heard = {bus for bus, line in due if line.t_ns < begun}
             self._lay_out(sorted(heard | self._expected))
             told.append(self._head())
