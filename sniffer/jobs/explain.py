@@ -15,7 +15,6 @@ from sniffer.ground.model import Batch, Chunk, Gap, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.tables import owner_of, with_tables
-from sniffer.sources.plain import hex_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,6 +43,8 @@ def read_hex(text: str) -> bytes:
     squeezed = re.sub(r"0[xX]|[\s,;:]", "", plain)
     with contextlib.suppress(ValueError):
         return bytes.fromhex(squeezed)
+    from sniffer.sources.plain import hex_line  # for what programs print, no plain hex
+
     with contextlib.suppress(ValueError):
         return hex_line(plain.encode())
     odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
