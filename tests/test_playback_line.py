@@ -97,6 +97,13 @@ def moments(at_ms: Sequence[int], late_ns: Sequence[int], speed: float) -> list[
     return [t for t, _ in port.written]
 
 
+def test_where_the_clock_was_set_a_line_is_played_on_at_once() -> None:
+    leap = 57 * 365 * 86_400_000
+    assert moments([0, 250, leap + 300, leap + 400, 60, 160], [], 1.0) == [
+        t * MS for t in (0, 250, 250, 350, 350, 450)
+    ]
+
+
 TIMES = st.lists(st.integers(0, 10_000), min_size=2, max_size=30).map(sorted)
 
 

@@ -12,7 +12,6 @@ from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import over
 from sniffer.ground.files import paths_of
-from sniffer.ground.heard import SET_BACK_NS
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
@@ -21,7 +20,7 @@ from sniffer.ground.model import (
     DamagedInputError,
     SnifferError,
 )
-from sniffer.ground.moments import DAY_NS
+from sniffer.ground.schedule import Schedule
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.aside import kept_aside
@@ -134,23 +133,15 @@ def paced(
     What lies outside ``ends``, the first and the last time that is shown, is not waited for.
     ``pausing`` is told before a long wait up to which time nothing more was said.
 
-    Deadlines are absolute, counted from the first group: what one step is late does not delay the
-    next, so a replay does not drift. Where the clock was set meanwhile, back or by more than a day,
-    they are counted anew.
+    Moments are those of a ``Schedule``, counted from the first group.
     """
-    began: int | None = None
-    first = last = 0
+    schedule = Schedule(speed)
     for group in groups:
         t = group[-1].t_ns or 0
-        if not -SET_BACK_NS <= t - last <= DAY_NS:
-            began = None
-        last = t
         if (ends[0] is not None and t < ends[0]) or (ends[1] is not None and t > ends[1]):
             pass
-        elif began is None:
-            began, first = now(), t
         elif speed > 0:
-            wait = began + (t - first) / speed - now()
+            wait = schedule.due_ns(t, now()) - now()
             if wait > PAUSE_NS:
                 pausing(group[0].t_ns or 0)
             if wait > 0:

@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS
+from sniffer.ground.schedule import Schedule
 from sniffer.playback.outlets import said
 from sniffer.simulation.play.player import LOOK_NS
 
@@ -73,19 +74,15 @@ class LinePlayer:
 
     def play(self, chunks: Iterable[Chunk], speed: float = 1.0) -> None:
         """Play chunks that all have times; ``speed`` 0: as fast as they are read."""
-        began: int | None = None
-        first = 0
+        schedule = Schedule(speed)
         for chunk in chunks:
             if self._stop.asked:
                 return
             if not chunk.data:
                 continue
-            t = chunk.t_ns or 0
-            if began is None:
-                began, first = self._now(), t
             outlet = self._outlets[chunk.bus]
             if speed > 0:
-                due = began + int((t - first) / speed)
+                due = schedule.due_ns(chunk.t_ns or 0, self._now())
                 self._rest(due)
                 self._late.note(max(self._now() - due, 0))
             for one in self._outlets.values():

@@ -1,0 +1,29 @@
+"""When what was said once is due again."""
+
+from __future__ import annotations
+
+from sniffer.ground.heard import SET_BACK_NS
+from sniffer.ground.moments import DAY_NS
+
+
+class Schedule:
+    """Moments as far behind the first one as they were then, by the speed.
+
+    They are absolute: what one is late does not delay the next, so nothing drifts. Where the clock
+    was set meanwhile, back or by more than a day, they are counted anew.
+
+    Args:
+        speed: times real time, above 0.
+    """
+
+    def __init__(self, speed: float) -> None:
+        self._speed = speed
+        self._began: int | None = None
+        self._first = self._last = 0
+
+    def due_ns(self, t_ns: int, now_ns: int) -> int:
+        """Return when what was said at a time is due, on the clock of ``now_ns``."""
+        if self._began is None or not -SET_BACK_NS <= t_ns - self._last <= DAY_NS:
+            self._began, self._first = now_ns, t_ns
+        self._last = t_ns
+        return self._began + int((t_ns - self._first) / self._speed)
