@@ -31,9 +31,13 @@ class HeardSpan:
     """
 
     first_ns: int | None = None
-    last_ns: int | None = None
     _lasts: dict[str, int] = field(default_factory=dict)
     _set_back: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def last_ns(self) -> int | None:
+        """When the last frame ended, of whichever protocol; None: there was none."""
+        return max(self._lasts.values(), default=None)
 
     @property
     def ns(self) -> int:
@@ -52,16 +56,15 @@ class HeardSpan:
         for row in set_back(ends, last).tolist():
             before = int(ends[row - 1]) if row else last
             self._set_back[protocol] += before - int(ends[row])
-        self.last_ns = self._lasts[protocol] = int(ends[-1])
+        self._lasts[protocol] = int(ends[-1])
 
     def join(self, more: HeardSpan) -> None:
         """Take what was heard behind this."""
         if more.first_ns is None:
             return
-        if self.first_ns is None:
+        if self.last_ns is None:
             self.first_ns = more.first_ns
-        elif (by := max(self._lasts.values()) - more.first_ns) > SET_BACK_NS:
+        elif (by := self.last_ns - more.first_ns) > SET_BACK_NS:
             self._set_back.update(dict.fromkeys(more._lasts, by))
-        self.last_ns = more.last_ns
         self._lasts |= more._lasts
         self._set_back += more._set_back

@@ -33,7 +33,7 @@ def date_of(t_ns: int) -> str:
     return datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date().isoformat()
 
 
-def later(t_ns: int, first_ns: int, digits: int = 3) -> str:
+def with_day(t_ns: int, first_ns: int, digits: int = 3) -> str:
     """Return a time as a clock shows it, with its day where that is not the day of a first time."""
     date = date_of(t_ns)
     told = of_day(t_ns, digits)

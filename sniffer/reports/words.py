@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import NS, Clock
-from sniffer.ground.moments import date_of, later, of_day
+from sniffer.ground.moments import date_of, of_day, with_day
 from sniffer.ground.units import behind
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def moment(t_ns: int, clock: Clock, digits: int = 3) -> str:
 def period(first_ns: int, last_ns: int, clock: Clock) -> tuple[str, str]:
     """Return when something began and when it ended, with the day of the end if it is another."""
     first = moment(first_ns, clock)
-    return first, moment(last_ns, clock) if clock == Clock.NONE else later(last_ns, first_ns)
+    return first, moment(last_ns, clock) if clock == Clock.NONE else with_day(last_ns, first_ns)
 
 
 def dated(t_ns: int) -> str:

@@ -12,7 +12,7 @@ from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.shared import numbered
 from sniffer.ground.model import Severity, SnifferError
-from sniffer.ground.moments import later, of_day
+from sniffer.ground.moments import of_day, with_day
 from sniffer.ground.wording import and_, counted
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def print_incidents(
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()
-        when = f"{later(incident.first_ns, began_ns, 1)} " if clock else ""
+        when = f"{with_day(incident.first_ns, began_ns, 1)} " if clock else ""
         _print_head(incident, when, console, clock=clock, is_one_bus=is_one_bus)
         as_which = leading.get(incident.number, incident.number)
         if as_which == incident.number:
@@ -183,7 +183,7 @@ def _in_short(
 def _how_often(i: Incident, *, clock: bool) -> str:
     """Return how often something happened and until when, where that is more than once."""
     times = f"{i.count} times" if i.count > 1 else ""
-    last = later(i.last_ns, i.first_ns, 1)
+    last = with_day(i.last_ns, i.first_ns, 1)
     until = f"until {last}" if clock and last != of_day(i.first_ns, 1) else ""
     return " ".join(filter(None, (times, until)))
 

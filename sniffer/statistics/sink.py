@@ -49,8 +49,6 @@ class WireBytes:
     """By reason, how many."""
     baud: int = 0
     heard: HeardSpan = field(default_factory=HeardSpan)
-    first_ns: int | None = None
-    last_ns: int = 0
 
     @property
     def bytes(self) -> int:
@@ -72,10 +70,6 @@ class WireBytes:
         f = batch.frames
         if len(f):
             self.heard.take(protocol.name, f)
-            first, last = int(f.t_start.min()), int(f.t_end.max())
-            if self.first_ns is None:
-                self.first_ns, self.last_ns = first, last
-            self.first_ns, self.last_ns = min(self.first_ns, first), max(self.last_ns, last)
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""
