@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import random
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from sniffer.ground.devices import is_port
 from sniffer.protocols import PROTOCOLS
 from tests.commands import (
     conserved,
@@ -19,9 +20,6 @@ from tests.commands import (
     within,
 )
 from tests.terminals import Terminal
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
 NOISE = random.Random(5).randbytes(5000)
@@ -134,6 +132,22 @@ def test_a_port_is_no_input_and_is_not_opened(tmp_path: Path, capsys: Capsys) ->
             ran = within(capsys, "decode", name)
             assert ran.status == 2
             assert ran.complaint == f"{name} is a port: `sniffer record {name}` listens to it"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no character devices")
+@pytest.mark.parametrize(
+    ("name", "is_one"),
+    [
+        ("/dev/ttyUSB7", True),
+        ("/dev/cu.usbserial", True),
+        ("/dev/rfcomm0", True),
+        ("/dev/null", False),
+    ],
+)
+def test_a_serial_port_is_known_by_its_name(name: str, is_one: bool) -> None:
+    device, regular = Path("/dev/null").stat(), Path(__file__).stat()
+    assert is_port(Path(name), device) == is_one
+    assert not is_port(Path(name), regular)
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: Capsys) -> None:

@@ -125,14 +125,14 @@ class _PartOfBus:
             if after.any():
                 self.begin = int(records.start[int(np.argmax(after))])
         self._lower.add(records, self.begin, known=known)
-        known = self._is_ended
-        if not known:
+        was_ended = self._is_ended
+        if not was_ended:
             later = records.t_end > to_ns if to_ns is not None else records.end < 0
             self._is_ended = bool(later.any())
             stop = int(np.argmax(later)) if self._is_ended else len(later)
             if stop:
                 self.end = int(records.end[:stop].max())
-        self._upper.add(records, self.end, known=known and self.end is not None)
+        self._upper.add(records, self.end, known=was_ended and self.end is not None)
 
     @property
     def is_over(self) -> bool:

@@ -104,8 +104,10 @@ def _without_others(
     rest = [f for f in left if id(f) not in away] if beside else []
     proven = {w.servo_id for w in weigh(rest, rest) if w.cause.of == SERVO and w.score >= PROOF}
     apart = set(map(id, (f for f in beside if f.servo_id in proven)))
+    if not apart:
+        return best
     kept = [f for f in left if id(f) not in apart]
-    return (_weighed(best.cause, best.servo_id, kept, all_found) or best) if apart else best
+    return _weighed(best.cause, best.servo_id, kept, all_found) or best
 
 
 def _of_another(best: Weighed, left: Sequence[Finding]) -> set[int]:

@@ -80,6 +80,11 @@ class Finder:
         self._told: dict[str, float] = {}
         """How far each bus was told, in ns."""
         self._met = {place: CountedKind(place.number) for place in self._places if place.is_counted}
+        self._kinds = {
+            place: np.array([place.sought in (code, level.name.lower()) for code, level in _KINDS])
+            for place in self._met
+        }
+        """Which codes are of the kind that a place names."""
         self._of_any = [p for p in self._places if p.sought == "byte" and not p.bus]
         self._heard: Counter[str] = Counter()
         """How many bytes of each bus there were so far."""
@@ -159,8 +164,7 @@ class Finder:
         """Return the rows of the anomalies that a place may be one of."""
         if place.servo is not None:
             mine = mine & np.isin(found.servo_id, place.about(bus, self._names))
-        named = [place.sought in (code, level.name.lower()) for code, level in _KINDS]
-        rows: list[int] = np.flatnonzero(mine & np.array(named)[found.code]).tolist()
+        rows: list[int] = np.flatnonzero(mine & self._kinds[place][found.code]).tolist()
         return rows
 
     def _settle(self, told: Mapping[str, float]) -> None:

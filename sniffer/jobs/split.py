@@ -137,13 +137,11 @@ def split(
 def _of_another(pieces: Sequence[int | str], outputs: Sequence[Path]) -> list[Path]:
     """Return files that stand in the row of the pieces, behind the last one."""
     last = max((piece for piece in pieces if isinstance(piece, int)), default=-1)
-    return [
-        path
-        for output in outputs
-        for path in itertools.takewhile(
-            lambda path: path.exists(), (numbered(output, n) for n in itertools.count(last + 2))
-        )
-    ]
+    left: list[Path] = []
+    for output in outputs:
+        row = (numbered(output, n) for n in itertools.count(last + 2))
+        left += itertools.takewhile(lambda path: path.exists(), row)
+    return left
 
 
 def _row(opened: Source, pieces: Sequence[CutPart], tell: Teller) -> PieceRow:

@@ -25,7 +25,7 @@ FINDINGS: Final = (
         "slower-than-peers",
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
-        "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of the answers of its peers may (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
+        "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of its peers' answers take at least (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
     ),
     FindingCode(
         "late-replies",
