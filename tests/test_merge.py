@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,7 +17,9 @@ from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.mcapfile.source import session
 from sniffer.merging.aligning import aligned
+from sniffer.merging.answering import answered
 from sniffer.messages import ANCHOR
+from sniffer.protocols import protocol_named
 from sniffer.sinks.raw import LogFile
 from tests.commands import log, talk, within
 from tests.inputs import chunks
@@ -161,6 +165,95 @@ def test_two_wires_become_one_bus_in_the_order_of_cause_and_effect(
     assert got.outcomes["ok"] > 0.95 * whole.outcomes["ok"] > 50
 
 
+@functools.cache
+def rows(name: str) -> list[FrameRow]:
+    return [row for row in sniffer.decode(CAPTURES / name) if isinstance(row, FrameRow)]
+
+
+def wires(name: str, shift_ns: int = 0, grid_ns: int = 1) -> tuple[list[Chunk], list[Chunk]]:
+    """What each wire of a simulated bus carried, a frame a read, each by its own clock."""
+    both: tuple[list[Chunk], list[Chunk]] = [], []
+    for row in rows(name):
+        is_answer = row.kind == "response"
+        t = -(-(row.t_ns + is_answer * shift_ns) // grid_ns) * grid_ns
+        both[is_answer].append(Chunk(bytes.fromhex(row.hex), t, Clock.FILE))
+    return both
+
+
+@pytest.mark.parametrize("ahead_ms", [20, -20, 1250, -3_600_000])
+def test_clocks_of_two_wires_that_differ_are_told_and_mended(
+    ahead_ms: int, tmp_path: Path, capsys: Capsys
+) -> None:
+    """Two hosts, a wire each: 20 ms made sound servos slow and the controller impatient."""
+    asked, heard = wires("mightyzap_clean.log", ahead_ms * 1_000_000)
+    a, b = lines(tmp_path / "a.log", asked), lines(tmp_path / "b.log", heard)
+    out = tmp_path / "x.mcap"
+    ran = within(capsys, "merge", a, b, "--pair", "-o", out)
+    side = "ahead of" if ahead_ms > 0 else "behind"
+    told = f"sniffer: the clock of {b} seems to be {abs(ahead_ms) / 1000:.3f} s {side} that of {a}"
+    assert ran.err.startswith(told)
+    assert "say --align, or what to add by --offset" in ran.err
+    ran = within(capsys, "merge", a, b, "--pair", "--align", "-o", out, "--force")
+    assert re.search(r" s to its times, by [56]\d\d answers and the requests", ran.err)
+    assert abs(int(session(out)["merged.2.shift_ns"]) + ahead_ms * 1_000_000) < 500_000
+    assert +sniffer.decode(out).summary.buses["bus0"].outcomes == {"ok": 651, "not_expected": 204}
+    assert not sniffer.diagnose(out).incidents
+    given = f"b={'+' if ahead_ms < 0 else '-'}{abs(ahead_ms)}ms"
+    for more in (("--offset", given), ("--offset", given, "--align")):
+        ran = within(capsys, "merge", a, b, "--pair", *more, "-o", out, "--force")
+        assert ran.err.startswith("sniffer: bus0: two wires, put in order"), ran.err
+
+
+def test_a_tap_that_began_long_before_the_other_tells_its_clock_too(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """More requests than are compared, before the other wire was heard at all."""
+    asked, heard = wires("mightyzap_clean.log", 40_000_000)
+    before = [replace(c, t_ns=(c.t_ns or 0) - k * 8 * NS) for k in (3, 2, 1) for c in asked]
+    a, b = lines(tmp_path / "a.log", [*before, *asked]), lines(tmp_path / "b.log", heard)
+    ran = within(capsys, "merge", a, b, "--pair", "-o", tmp_path / "x.mcap")
+    assert ran.err.startswith(f"sniffer: the clock of {b} seems to be 0.040 s ahead of ")
+
+
+@pytest.mark.parametrize(
+    ("name", "protocol"),
+    [
+        ("mightyzap_clean.log", "mightyzap"),
+        ("mightyzap_damaged.log", "mightyzap"),
+        ("lss_damaged.log", "lss"),
+        ("rs30x_damaged.log", "rs30x"),
+        ("wck_clean.log", "wck"),
+    ],
+)
+@settings(max_examples=4)
+@given(shift=st.integers(-(10**13), 10**13), grid_ms=st.sampled_from([0, 1, 4, 10, 16]))
+def test_who_answers_what_tells_the_clocks_to_what_adapters_hold_back(
+    name: str, protocol: str, shift: int, grid_ms: int
+) -> None:
+    asked, heard = wires(name, shift, max(grid_ms * 1_000_000, 1))
+    spoken = protocol_named(protocol)
+    found = answered(asked, heard, protocol=spoken, baud=spoken.baud)
+    if found is None:
+        assert protocol == "wck"  # answers that name nobody
+        assert grid_ms > 1
+    else:
+        assert abs(found.offset_ns - shift) <= max(3, 18 * (grid_ms > 1)) * 1_000_000
+
+
+def test_rounds_that_are_all_alike_tell_no_clock_of_two_wires(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    ask, answer = bytes.fromhex("FFFFFF0102F10B"), bytes.fromhex("FFFFFF010200FC")
+    asked = [Chunk(ask, START_NS + k * 20_000_000, Clock.FILE) for k in range(200)]
+    heard = [replace(c, data=answer, t_ns=(c.t_ns or 0) + NS) for c in asked]
+    a, b = lines(tmp_path / "a.log", asked), lines(tmp_path / "b.log", heard)
+    out = tmp_path / "x.mcap"
+    assert "clock" not in within(capsys, "merge", a, b, "--pair", "-o", out).err
+    ran = within(capsys, "merge", a, b, "--pair", "--align", "-o", out, "--force")
+    assert ran.status == 2
+    assert ran.complaint.endswith("or as many with several differences; give --offset")
+
+
 def test_files_of_one_recording_are_one_bus_again(tmp_path: Path, capsys: Capsys) -> None:
     from sniffer.mcapfile.sink import McapSink
 
@@ -215,7 +308,10 @@ def test_pieces_of_a_log_are_one_bus_where_they_are_one_capture(
         (("{a}",), "merge takes two files or more"),
         (("{a}", "{b}", "--offset", "b.log"), "Invalid value for '--offset': 'b.log': write FILE="),
         (("{a}", "{b}", "--offset", "c=1s"), "'c' is none of the captures: "),
-        (("{a}", "{b}", "--pair", "--align"), "--align is about what both heard: of two wires say"),
+        (
+            ("{a}", "{b}", "--pair", "--align"),
+            "no answers of {b} tell its clock from that of {a}: ",
+        ),
         (("{a}", "{b}", "--pair", "--together"), "--pair is about two wires, --together about"),
         (("{a}", "{b}", "{a}", "--pair"), "--pair is about two captures, one of each wire"),
         (("{a}", "{b}", "{a}"), "{a} is named twice"),

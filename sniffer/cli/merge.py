@@ -63,8 +63,8 @@ def offsets_of(
 @click.option(
     "--align",
     is_flag=True,
-    help="Find what to add from the traffic that taps of one bus both heard; the first FILE's "
-    "clock counts.",
+    help="Find what to add from the traffic that taps of one bus both heard, with --pair from "
+    "who answers what; the first FILE's clock counts.",
 )
 @click.option(
     "--pair",

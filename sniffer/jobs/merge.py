@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import contextlib
 import heapq
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.called import NAME, names_in, overlaid
-from sniffer.decoding.detect import UndecidedError, detect
-from sniffer.decoding.names import protocols_named
-from sniffer.decoding.options import AUTO, SINCE, Options
+from sniffer.decoding.options import SINCE, Options
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import paths_of
 from sniffer.ground.limits import GROUP_CHUNKS
-from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
-from sniffer.ground.timing import LATENCY_NS, byte_time_ns
+from sniffer.ground.model import Chunk, Direction, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.anonymous import anonymous
+from sniffer.jobs.clocks import (
+    Input,
+    Wires,
+    align_taps,
+    align_wires,
+    check_wires,
+    named,
+    times_of,
+    wires_of,
+)
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
-from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
-from sniffer.merging.aligning import MOST, aligned
-from sniffer.merging.merger import Merger
 from sniffer.messages import ANCHOR, OFFSET
 from sniffer.sources import open_source
 from sniffer.sources.several import refuse_twice
@@ -34,8 +38,8 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.called import Named
     from sniffer.jobs.session import Patience
+    from sniffer.merging.merger import Merger
     from sniffer.protocols.base import BusProtocol
-    from sniffer.sources import Source
 
 MERGED: Final = "merged"
 """Facts of a merged capture: ``merged.1.source``, ``merged.1.shift_ns`` and so on."""
@@ -45,30 +49,6 @@ _OF_A_BUS: Final = ("baud", "latency_ns", "protocol", "plugin", "port", "pair", 
 
 _SAID_ANEW: Final = frozenset((*_OF_A_BUS, OFFSET, "rate", NAME.removesuffix(".")))
 """Facts that are not handed on as they are, though all captures may agree on them."""
-
-
-@dataclass(slots=True)
-class _Input:
-    """A capture that is merged: ``shift_ns`` is added to its times, ``names`` are its buses'."""
-
-    path: str
-    source: Source
-    options: Options
-    facts: Mapping[str, str]
-    buses: dict[str, tuple[int, int]]
-    names: dict[str, str]
-    shift_ns: int = 0
-    wire: Direction | None = None
-
-    def chunks(self, tell: Teller) -> Iterator[tuple[int, Chunk]]:
-        """Yield chunks on the common clock, under the common names, each with its place in time."""
-        t = 0
-        for group in merged(self.source, self.source, self.options, tell.quieter()):
-            for chunk in group:
-                at = None if chunk.t_ns is None else chunk.t_ns + self.shift_ns
-                t = t if at is None else max(t, at)
-                wire = chunk.direction if self.wire is None else self.wire
-                yield t, replace(chunk, t_ns=at, bus=self.names[chunk.bus], direction=wire)
 
 
 def merge(
@@ -97,7 +77,8 @@ def merge(
         outputs: the files, as for ``convert``.
         options: how it is decoded.
         offsets: what is added to the times of a source, in ns, by its path.
-        align: find that from the traffic that two taps of one bus both heard, against the first.
+        align: find that from the traffic that two taps of one bus both heard, or of two wires from
+            who answers what; the first one's clock counts.
         pair: of two sources the first heard the controller's wire, the second the servos': they
             become one bus, in the order of cause and effect.
         together: the sources are one capture, such as a log in pieces: buses of one name are one.
@@ -123,9 +104,6 @@ def merge(
         raise SnifferError(
             Sentence("{pair} is about two wires, {together} about one after another")
         )
-    if pair and align:
-        told = "{align} is about what both heard: of two wires say {offsets}"
-        raise SnifferError(Sentence(told))
     refuse_twice(sources)
     with contextlib.ExitStack() as stack:
         inputs = []
@@ -134,23 +112,21 @@ def merge(
                 open_source(path, input_format, again=True, wiring=options.wired)
             )
             own = options.with_facts(opened.facts(), opened.tables)
-            inputs.append(_Input(str(path), opened, own, opened.facts(), _times(opened), {}))
+            inputs.append(Input(str(path), opened, own, opened.facts(), times_of(opened), {}))
         for path, shift in (offsets or {}).items():
-            _named(inputs, path).shift_ns = shift
-        if align:
-            _align(inputs, {str(_named(inputs, p).path) for p in offsets or {}}, tell)
+            named(inputs, path).shift_ns = shift
+        given = {named(inputs, path).path for path in offsets or {}}
+        if align and not pair:
+            align_taps(inputs, given, tell)
         _name(inputs, pair=pair, together=together)
+        wires = _wires(inputs, options, tell, align=align and not given) if pair else None
         spoken, called = _protocols(inputs, options), overlaid(_called(inputs), options.names)
         facts, both = _facts(inputs), replace(options, protocols=spoken, names=called)
-
-        said = [tell]
 
         def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
             del groups  # the first one is read with the others
             stream = heapq.merge(*(one.chunks(tell) for one in inputs), key=lambda e: e[0])
-            # what is to be anonymous is heard twice, and told of once
-            teller = said.pop() if said else tell.quieter()
-            paired = _paired(inputs, options, teller) if pair else None
+            paired = None if wires is None else wires.merger(next(iter(inputs[0].names.values())))
             yield from _grouped((chunk for _, chunk in stream), paired)
 
         derived = Derived(
@@ -174,80 +150,9 @@ def merge(
         )
 
 
-def _named(inputs: Sequence[_Input], name: str) -> _Input:
-    """Return the input of a path, of a file's name or of that without its suffix."""
-    for told in (lambda p: str(p), lambda p: p.name, lambda p: p.stem):
-        found = [one for one in inputs if told(Path(one.path)) == name]
-        if len(found) == 1:
-            return found[0]
-    known = ", ".join(one.path for one in inputs)
-    raise SnifferError(f"{name!r} is none of the captures: {known}")
-
-
-def _times(source: Source) -> dict[str, tuple[int, int]]:
-    """Return when each bus of a capture is first and last heard.
-
-    Raises:
-        InputError: it has no times.
-    """
-    out: dict[str, tuple[int, int]] = {}
-    for group in source:
-        for chunk in group:
-            if chunk.t_ns is None or chunk.clock == Clock.NONE:
-                raise InputError(f"{source.name} has no times: it cannot be merged by them")
-            first, last = out.get(chunk.bus, (chunk.t_ns, chunk.t_ns))
-            out[chunk.bus] = min(first, chunk.t_ns), max(last, chunk.t_ns)
-    if not out:
-        raise InputError(f"{source.name} is empty: nothing to merge")
-    return out
-
-
-def _align(inputs: Sequence[_Input], given: set[str], tell: Teller) -> None:
-    """Find what is to be added to the times of each to be on the clock of the first.
-
-    Raises:
-        InputError: no traffic tells.
-    """
-    base = inputs[0]
-    for one in inputs[1:]:
-        if one.path in given:
-            continue
-        found = aligned(_head(base), _head(one), byte_ns=(_byte_ns(base), _byte_ns(one)))
-        if found is None:
-            told = (
-                "{one} and {base} have no traffic in common that tells their clocks apart: give "
-                "{offsets}"
-            )
-            raise InputError(Sentence(told, one=one.path, base=base.path))
-        one.shift_ns = base.shift_ns - found.offset_ns
-        tell.talk(
-            f"{one.path}: {one.shift_ns / NS:+.6f} s to its times, by {found.runs} runs of bytes "
-            f"that both heard, half of them within {found.spread_ns / 1e6:.3f} ms"
-        )
-
-
-def _byte_ns(one: _Input) -> int:
-    """Return how long a byte takes on the bus that speaks first; 0 where nobody said its rate."""
-    baud = one.options.bauds.get(next(iter(one.buses)), one.options.baud)
-    return 0 if baud is None else byte_time_ns(baud)
-
-
-def _head(one: _Input) -> Iterator[Chunk]:
-    """Yield the chunks of the bus that speaks first, as many as are compared."""
-    bus = next(iter(one.buses))
-    size = 0
-    for group in one.source:
-        for chunk in group:
-            if chunk.bus == bus:
-                yield chunk
-                size += len(chunk.data)
-        if size >= MOST:
-            return
-
-
-def _name(inputs: Sequence[_Input], *, pair: bool, together: bool) -> None:
+def _name(inputs: Sequence[Input], *, pair: bool, together: bool) -> None:
     """Name the buses: apart, but for the two wires of one bus, and the files of one capture."""
-    taken: dict[str, _Input] = {}
+    taken: dict[str, Input] = {}
     clashes = {
         bus
         for nth, one in enumerate(inputs)
@@ -273,7 +178,7 @@ def _name(inputs: Sequence[_Input], *, pair: bool, together: bool) -> None:
             one.names[bus] = name
 
 
-def _continues(later: _Input, earlier: _Input, bus: str) -> bool:
+def _continues(later: Input, earlier: Input, bus: str) -> bool:
     """Tell whether a file goes on where another one of its recording ended."""
     is_next = later.facts.get(f"{OFFSET}.{bus}", "0") != "0"
     if any(later.facts.get(key) != earlier.facts.get(key) for key in ANCHOR):
@@ -281,7 +186,7 @@ def _continues(later: _Input, earlier: _Input, bus: str) -> bool:
     return is_next and later.buses[bus][0] >= earlier.buses[bus][0]
 
 
-def _facts(inputs: Sequence[_Input]) -> dict[str, str]:
+def _facts(inputs: Sequence[Input]) -> dict[str, str]:
     """Return what the merged capture says of itself."""
     out: dict[str, str] = {}
     for nth, one in enumerate(inputs, 1):
@@ -301,7 +206,7 @@ def _facts(inputs: Sequence[_Input]) -> dict[str, str]:
     return out
 
 
-def _protocols(inputs: Sequence[_Input], options: Options) -> dict[str, str | BusProtocol]:
+def _protocols(inputs: Sequence[Input], options: Options) -> dict[str, str | BusProtocol]:
     """Return what each bus was said to speak."""
     told: dict[str, str | BusProtocol] = {}
     for one in inputs:
@@ -311,7 +216,7 @@ def _protocols(inputs: Sequence[_Input], options: Options) -> dict[str, str | Bu
     return {**told, **options.protocols}
 
 
-def _called(inputs: Sequence[_Input]) -> dict[Named, str]:
+def _called(inputs: Sequence[Input]) -> dict[Named, str]:
     """Return what servos are called; who has one id in two captures need not be one servo."""
     told = [names_in(one.facts) for one in inputs]
     everywhere: list[dict[Named, str]] = [
@@ -329,27 +234,18 @@ def _called(inputs: Sequence[_Input]) -> dict[Named, str]:
     return out
 
 
-def _paired(inputs: Sequence[_Input], options: Options, tell: Teller) -> Merger:
-    """Return what puts the chunks of two wires in order."""
-    asks = inputs[0]
-    bus = asks.names[next(iter(asks.buses))]
-    named = next(iter(asks.options.protocols.values()), options.protocol)
-    if named == AUTO:
-        try:
-            named = detect(list(_head(asks)), options.baud).protocol
-        except UndecidedError:
-            named = detect(list(_head(inputs[1])), options.baud).protocol
-    spoken = protocols_named(named)
-    if len(spoken) > 1:
-        raise SnifferError("two wires on which two protocols are spoken cannot be put in order")
-    bauds = [baud for one in inputs for baud in one.options.bauds.values()]
-    baud = options.baud or next(iter(bauds), spoken[0].baud)
-    known = [v for one in inputs for v in one.options.latencies.values()]
-    latency = options.latency_ns
-    if latency is None:
-        latency = max(known, default=LATENCY_NS[Clock.READ])
-    tell.talk(f"{bus}: two wires, put in order by cause and effect, times ± {latency / 1e6:g} ms")
-    return Merger(bus, latency_ns=latency, baud=baud, protocol=spoken[0])
+def _wires(inputs: Sequence[Input], options: Options, tell: Teller, *, align: bool) -> Wires:
+    """Return what is spoken on two wires; their clocks are aligned, or looked at."""
+    asks, says = inputs
+    wires = wires_of(asks, says, options)
+    if align:
+        align_wires(asks, says, wires, tell)
+    else:
+        check_wires(asks, says, wires, tell)
+    bus = next(iter(asks.names.values()))
+    lag = wires.latency_ns / 1e6
+    tell.talk(f"{bus}: two wires, put in order by cause and effect, times ± {lag:g} ms")
+    return wires
 
 
 def _grouped(stream: Iterable[Chunk], paired: Merger | None) -> Iterator[list[Chunk]]:

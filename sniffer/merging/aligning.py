@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sniffer.ground.model import I64, Chunk
+    from sniffer.ground.model import I64, U8, Chunk
 
 RUN: Final = 24
 """Bytes of a run: longer than an exchange of most commands, so that values and their neighbours
@@ -70,8 +70,8 @@ def aligned(
     return Alignment(offset, int(np.median(np.abs(mine - offset))), len(mine))
 
 
-def _runs(chunks: Iterable[Chunk], byte_ns: int) -> tuple[I64, I64]:
-    """Return a number for each run of a stream's bytes, in order, and when its last byte came."""
+def stamped(chunks: Iterable[Chunk], byte_ns: int) -> tuple[U8, I64]:
+    """Return the first ``MOST`` bytes of a stream, and when each came by the stamps."""
     parts: list[bytes] = []
     times: list[int] = []
     sizes: list[int] = []
@@ -84,7 +84,15 @@ def _runs(chunks: Iterable[Chunk], byte_ns: int) -> tuple[I64, I64]:
             size += len(chunk.data)
             if size >= MOST:
                 break
-    data = np.frombuffer(b"".join(parts), np.uint8).astype(np.uint64)
+    data = np.frombuffer(b"".join(parts), np.uint8)
+    behind = np.repeat(np.cumsum(sizes), sizes) - np.arange(len(data)) - 1  # bytes of the read
+    return data, np.repeat(np.array(times, np.int64), sizes) - behind * byte_ns
+
+
+def _runs(chunks: Iterable[Chunk], byte_ns: int) -> tuple[I64, I64]:
+    """Return a number for each run of a stream's bytes, in order, and when its last byte came."""
+    heard, stamps = stamped(chunks, byte_ns)
+    data = heard.astype(np.uint64)
     if len(data) < RUN:
         return np.empty(0, np.int64), np.empty(0, np.int64)
     n = len(data) - RUN + 1
@@ -93,8 +101,6 @@ def _runs(chunks: Iterable[Chunk], byte_ns: int) -> tuple[I64, I64]:
         # a polynomial modulo 2^64 (the multiplier of Knuth's MMIX): unlike runs of so few bytes
         # have one number too rarely to matter in a vote
         keys = keys * np.uint64(6364136223846793005) + data[k : k + n] + np.uint64(1)
-    behind = np.repeat(np.cumsum(sizes), sizes) - np.arange(len(data)) - 1  # bytes of the read
-    stamps = np.repeat(np.array(times, np.int64), sizes) - behind * byte_ns
     return keys.view(np.int64), stamps[RUN - 1 :]
 
 

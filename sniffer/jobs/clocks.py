@@ -1,0 +1,217 @@
+"""Captures that are merged: what is added to the times of each, so that they have one clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from sniffer.decoding.detect import UndecidedError, detect
+from sniffer.decoding.names import protocols_named
+from sniffer.decoding.options import AUTO
+from sniffer.ground.model import NEVER_NS, NS, Chunk, Clock, Direction, InputError, SnifferError
+from sniffer.ground.timing import LATENCY_NS, byte_time_ns
+from sniffer.ground.wording import Sentence
+from sniffer.jobs.order import merged
+from sniffer.merging.aligning import MOST, Alignment, aligned
+from sniffer.merging.answering import answered
+from sniffer.merging.merger import Merger
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from sniffer.decoding.options import Options
+    from sniffer.jobs.telling import Teller
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sources import Source
+
+
+@dataclass(slots=True)
+class Input:
+    """A capture that is merged: ``shift_ns`` is added to its times, ``names`` are its buses'."""
+
+    path: str
+    source: Source
+    options: Options
+    facts: Mapping[str, str]
+    buses: dict[str, tuple[int, int]]
+    names: dict[str, str]
+    shift_ns: int = 0
+    wire: Direction | None = None
+
+    def chunks(self, tell: Teller) -> Iterator[tuple[int, Chunk]]:
+        """Yield chunks on the common clock, under the common names, each with its place in time."""
+        t = 0
+        for group in merged(self.source, self.source, self.options, tell.quieter()):
+            for chunk in group:
+                at = None if chunk.t_ns is None else chunk.t_ns + self.shift_ns
+                t = t if at is None else max(t, at)
+                wire = chunk.direction if self.wire is None else self.wire
+                yield t, replace(chunk, t_ns=at, bus=self.names[chunk.bus], direction=wire)
+
+
+def named(inputs: Sequence[Input], name: str) -> Input:
+    """Return the input of a path, of a file's name or of that without its suffix."""
+    for told in (lambda p: str(p), lambda p: p.name, lambda p: p.stem):
+        found = [one for one in inputs if told(Path(one.path)) == name]
+        if len(found) == 1:
+            return found[0]
+    known = ", ".join(one.path for one in inputs)
+    raise SnifferError(f"{name!r} is none of the captures: {known}")
+
+
+def times_of(source: Source) -> dict[str, tuple[int, int]]:
+    """Return when each bus of a capture is first and last heard.
+
+    Raises:
+        InputError: it has no times.
+    """
+    out: dict[str, tuple[int, int]] = {}
+    for group in source:
+        for chunk in group:
+            if chunk.t_ns is None or chunk.clock == Clock.NONE:
+                raise InputError(f"{source.name} has no times: it cannot be merged by them")
+            first, last = out.get(chunk.bus, (chunk.t_ns, chunk.t_ns))
+            out[chunk.bus] = min(first, chunk.t_ns), max(last, chunk.t_ns)
+    if not out:
+        raise InputError(f"{source.name} is empty: nothing to merge")
+    return out
+
+
+def align_taps(inputs: Sequence[Input], given: set[str], tell: Teller) -> None:
+    """Find what is to be added to the times of each to be on the clock of the first.
+
+    Raises:
+        InputError: no traffic tells.
+    """
+    base = inputs[0]
+    for one in inputs[1:]:
+        if one.path in given:
+            continue
+        found = aligned(_head(base), _head(one), byte_ns=(_byte_ns(base), _byte_ns(one)))
+        if found is None:
+            told = (
+                "{one} and {base} have no traffic in common that tells their clocks apart: give "
+                "{offsets}"
+            )
+            raise InputError(Sentence(told, one=one.path, base=base.path))
+        one.shift_ns = base.shift_ns - found.offset_ns
+        tell.talk(
+            f"{one.path}: {one.shift_ns / NS:+.6f} s to its times, by {found.runs} runs of bytes "
+            f"that both heard, half of them within {found.spread_ns / 1e6:.3f} ms"
+        )
+
+
+def _byte_ns(one: Input) -> int:
+    """Return how long a byte takes on the bus that speaks first; 0 where nobody said its rate."""
+    baud = one.options.bauds.get(next(iter(one.buses)), one.options.baud)
+    return 0 if baud is None else byte_time_ns(baud)
+
+
+def _head(one: Input, since_ns: int = -NEVER_NS) -> Iterator[Chunk]:
+    """Yield the chunks of the bus that speaks first, as many as are compared, from a time on."""
+    bus = next(iter(one.buses))
+    size = 0
+    for group in one.source:
+        for chunk in group:
+            if chunk.bus == bus and chunk.t_ns is not None and chunk.t_ns >= since_ns:
+                yield chunk
+                size += len(chunk.data)
+        if size >= MOST:
+            return
+
+
+class Wires(NamedTuple):
+    """What is spoken on two wires of one bus, and by how much their stamps may lag."""
+
+    protocol: BusProtocol
+    baud: int
+    latency_ns: int
+
+    def merger(self, bus: str) -> Merger:
+        """Return what puts their chunks in order."""
+        return Merger(bus, latency_ns=self.latency_ns, baud=self.baud, protocol=self.protocol)
+
+
+def wires_of(asks: Input, says: Input, options: Options) -> Wires:
+    """Return what two captures tell of their bus: of the controller's wire, and of the servos'.
+
+    Raises:
+        InputError: nothing tells which protocol it is.
+        SnifferError: it speaks two.
+    """
+    named = next(iter(asks.options.protocols.values()), options.protocol)
+    if named == AUTO:
+        try:
+            named = detect(list(_head(asks)), options.baud).protocol
+        except UndecidedError:
+            named = detect(list(_head(says)), options.baud).protocol
+    spoken = protocols_named(named)
+    if len(spoken) > 1:
+        raise SnifferError("two wires on which two protocols are spoken cannot be put in order")
+    both = asks.options, says.options
+    bauds = [baud for one in both for baud in one.bauds.values()]
+    baud = options.baud or next(iter(bauds), spoken[0].baud)
+    latency = options.latency_ns
+    if latency is None:
+        known = (v for one in both for v in one.latencies.values())
+        latency = max(known, default=LATENCY_NS[Clock.READ])
+    return Wires(spoken[0], baud, latency)
+
+
+def align_wires(asks: Input, says: Input, wires: Wires, tell: Teller) -> None:
+    """Find what is to be added to the times of the servos' wire, by who answers what.
+
+    Raises:
+        InputError: no exchange tells.
+    """
+    found = _answered(asks, says, wires)
+    if found is None:
+        told = (
+            "no answers of {says} tell its clock from that of {asks}: too few fit a request, or as "
+            "many with several differences; give {offsets}"
+        )
+        raise InputError(Sentence(told, says=says.path, asks=asks.path))
+    says.shift_ns = asks.shift_ns - found.offset_ns
+    tell.talk(
+        f"{says.path}: {says.shift_ns / NS:+.6f} s to its times, by {found.runs} answers and the "
+        f"requests that they fit: the fastest counts as one that came at once, the others within "
+        f"{found.spread_ns / 1e6:.1f} ms"
+    )
+
+
+def check_wires(asks: Input, says: Input, wires: Wires, tell: Teller) -> None:
+    """Tell if the clocks of two wires seem to differ by more than their stamps may lag."""
+    found = _answered(asks, says, wires)
+    if found is None:
+        return
+    ahead_ns = found.offset_ns + says.shift_ns - asks.shift_ns
+    late_ns = wires.latency_ns + found.spread_ns
+    if -wires.latency_ns <= ahead_ns <= late_ns:
+        return
+    told = (
+        "the clock of {says} seems to be {ahead} s {side} that of {asks}, by {runs} answers and "
+        "the requests that they fit: say {align}, or what to add by {offsets}"
+    )
+    side = "ahead of" if ahead_ns > 0 else "behind"
+    ahead = f"{abs(ahead_ns) / NS:.3f}"
+    sentence = Sentence(
+        told, says=says.path, asks=asks.path, ahead=ahead, side=side, runs=found.runs
+    )
+    tell.warn(sentence)
+
+
+def _answered(asks: Input, says: Input, wires: Wires) -> Alignment | None:
+    """Return by how much the clock of the servos' wire is ahead, None where nothing tells.
+
+    Where both were heard at one time by their clocks, what came before is not compared: one of the
+    taps may have been started an hour earlier.
+    """
+    (from_, to), (began, ended) = (
+        (first + one.shift_ns, last + one.shift_ns)
+        for one in (asks, says)
+        for first, last in one.buses.values()
+    )
+    since = max(from_, began) if max(from_, began) < min(to, ended) else min(from_, began)
+    heads = (_head(one, since - one.shift_ns) for one in (asks, says))
+    return answered(*heads, protocol=wires.protocol, baud=wires.baud)
