@@ -94,6 +94,41 @@ def test_buses_on_which_nobody_ever_answers_are_told_as_one_fault(
     assert "likelier" not in one
 
 
+def wires(protocol: str, asked: str, answered: str, *, seed: int = 1) -> list[str]:
+    """Return what is heard of a bus, each direction as if it were a bus."""
+    frames = list(simulate(protocol, seed=seed, duration_s=12))
+    return [
+        line
+        for bus, kind in ((asked, "request"), (answered, "response"))
+        for line in candump(frame_reads(f for f in frames if f.kind == kind), bus).splitlines()
+    ]
+
+
+def test_two_buses_that_are_the_wires_of_one_line_are_told_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """They were sent to tap anew, twice."""
+    path = beside(tmp_path / "a.log", wires("mightyzap", "ctl", "srv"))
+    words = told(capsys, path)
+    assert "What is asked on ctl is answered on srv, by the same servos at one time (incid" in words
+    assert "`sniffer merge wire-ctl.mcap wire-srv.mcap --pair -o bus.mcap` make them one" in words
+    assert "likelier" not in words
+    assert within(capsys, "cut", path, "--split", "bus", "-o", tmp_path / "wire.mcap").status == 0
+    both = [tmp_path / f"wire-{bus}.mcap" for bus in ("ctl", "srv")]
+    bus = tmp_path / "bus.mcap"
+    assert within(capsys, "merge", *both, "--pair", "-o", bus).status == 0
+    assert told(capsys, bus).startswith("nothing is wrong")
+
+
+def test_which_wires_belong_together_is_not_guessed_where_arms_have_servos_of_the_same_ids(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pairs = (wires("mightyzap", f"ctl{n}", f"srv{n}", seed=n) for n in (1, 2))
+    words = told(capsys, beside(tmp_path / "a.log", *pairs))
+    assert "is answered on" not in words
+    assert "Nobody answers on ctl1 and ctl2" in words
+
+
 @pytest.mark.parametrize("suffix", ["md", "html"])
 def test_a_report_tells_what_strikes_several_buses_at_once_as_one_fault(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str

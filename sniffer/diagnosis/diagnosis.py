@@ -121,9 +121,8 @@ class Diagnosis:
         return all(case.has_clock for case in self.cases())
 
     def shared(self, incidents: Sequence[Incident]) -> tuple[Shared, ...]:
-        """Return which incidents begin on several buses at one moment: likely one fault each."""
-        began = {case.bus: case.first_ns for case in self.cases() if case.has_clock}
-        return shared(incidents, began)
+        """Return which incidents of several buses are likely one fault each."""
+        return shared(incidents, self.cases())
 
     def rest(self, incidents: Sequence[Incident]) -> Rest:
         """Return the warnings and errors that no incident has, in words, and what to do next."""

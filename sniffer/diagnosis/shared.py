@@ -1,8 +1,11 @@
-"""Incidents of several buses that are likely one fault: of what these buses share."""
+"""Incidents of several buses that are likely one fault: of what these buses share.
+
+Or the buses are none, but the two wires of one line: each was tapped, and called a bus.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -10,8 +13,9 @@ from sniffer.ground.model import NS
 from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
+    from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.model import Incident
 
 SUPPLY: Final = "their supply, its switch and fuse, cables in each other's port"
@@ -29,6 +33,9 @@ on another one then."""
 NOBODY: Final = "nobody-answers"
 """The finding of a bus on which no servo answered, from its first request on."""
 
+NO_REQUESTS: Final = "nobody-asks"
+"""The finding of a bus on which servos answer, and nobody ever asked."""
+
 UNANSWERED: Final = (
     "cables in each other's port, their supply, the rate their program sets, "
     "taps that hear one wire of two"
@@ -45,38 +52,31 @@ FROM_THE_BEGIN_NS: Final = 2 * NS
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """Incidents, by their numbers, that are likely one fault: of what buses share.
+    """Incidents, by their numbers, that are likely one fault of their buses.
 
-    ``apart_ns`` lie between the beginnings of the first and the last, None where each was there
-    from the begin on; ``what`` is shared.
+    ``why`` is how that shows, ``advice`` what to do first.
     """
 
     numbers: tuple[int, ...]
     buses: tuple[str, ...]
-    apart_ns: int | None
-    what: str
+    why: str
+    advice: str
 
     @property
     def told(self) -> str:
         """It as a sentence, with what to look at first."""
-        mine, on = numbered(self.numbers), and_([*self.buses])
-        if self.apart_ns is None:
-            what = f"Nobody answers on {on} from the first request on (incidents {mine})"
-        else:
-            tenths = max(-(-self.apart_ns * 10 // NS), 1)
-            what = f"Incidents {mine} begin within {tenths / 10:g} s on {on}"
-        return (
-            f"{what}: one fault is likelier than {len(self.buses)}; look first at what these "
-            f"buses share ({self.what})."
-        )
+        return f"{self.why}: {self.advice}."
 
 
-def shared(incidents: Sequence[Incident], began: Mapping[str, int]) -> tuple[Shared, ...]:
-    """Return which incidents begin together on several buses, and may be one fault.
+def shared(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[Shared, ...]:
+    """Return which incidents are likely one fault: of what several buses share, or of the taps.
 
-    ``began`` is when what was heard of each bus that has a clock began.
+    ``cases`` are what was heard of each bus.
     """
-    silent = [i for i in incidents if any(f.code == NOBODY for f in i.findings)]
+    wires = list(_wires(incidents, cases))
+    paired = {number for one in wires for number in one.numbers}
+    silent = [i for i in _with(incidents, NOBODY) if i.number not in paired]
+    began = {case.bus: case.first_ns for case in cases if case.has_clock}
     groups: list[list[Incident]] = []
     for what in (SUPPLY, PROGRAM, GROUND):
         mine = [
@@ -88,10 +88,75 @@ def shared(incidents: Sequence[Incident], began: Mapping[str, int]) -> tuple[Sha
                 groups.append([])
                 last = i.first_ns
             groups[-1].append(i)
-    told = [_told(group, SHARES[group[0].cause]) for group in groups if _are_several(group)]
-    if _are_several(silent):
-        told.append(replace(_told(silent, UNANSWERED), apart_ns=None))
-    return tuple(told)
+    together = [
+        _shared(group, _begun(group), _first(group, SHARES[group[0].cause]))
+        for group in groups
+        if _are_several(group)
+    ]
+    nobody = (
+        [_shared(silent, _unanswered(silent), _first(silent, UNANSWERED))]
+        if _are_several(silent)
+        else []
+    )
+    return (*wires, *together, *nobody)
+
+
+def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Shared]:
+    """Yield pairs of buses on one of which servos are asked that answer on the other alone."""
+    by_bus = {case.bus: case for case in cases}
+    answered = _with(incidents, NO_REQUESTS)
+    for asked in _with(incidents, NOBODY):
+        case = by_bus[asked.bus]
+        may = [i for i in answered if _may_answer(by_bus[i.bus], case)]
+        if len(may) != 1:
+            continue  # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
+        pair = asked, may[0]
+        why = (
+            f"What is asked on {asked.bus} is answered on {may[0].bus}, by the same servos at one "
+            f"time (incidents {numbered(sorted(i.number for i in pair))})"
+        )
+        advice = (
+            "they are likely the two wires of one line; `sniffer cut FILE --split bus -o wire.mcap` "
+            f"and `sniffer merge wire-{asked.bus}.mcap wire-{may[0].bus}.mcap --pair -o bus.mcap` "
+            "make them one bus, `sniffer record --pair` does while it records"
+        )
+        yield _shared(pair, why, advice)
+
+
+def _may_answer(servos: Case, controller: Case) -> bool:
+    """Tell whether what is heard of servos may answer what is heard of a controller."""
+    is_meanwhile = servos.first_ns <= controller.last_ns and controller.first_ns <= servos.last_ns
+    return is_meanwhile and bool(set(servos.servos) & set(controller.servos))
+
+
+def _with(incidents: Sequence[Incident], code: str) -> list[Incident]:
+    """Return the incidents that have a finding of a code."""
+    return [i for i in incidents if any(f.code == code for f in i.findings)]
+
+
+def _unanswered(group: Sequence[Incident]) -> str:
+    mine, on = _named(group)
+    return f"Nobody answers on {on} from the first request on (incidents {mine})"
+
+
+def _begun(group: Sequence[Incident]) -> str:
+    mine, on = _named(group)
+    apart_ns = max(i.first_ns for i in group) - min(i.first_ns for i in group)
+    tenths = max(-(-apart_ns * 10 // NS), 1)
+    return f"Incidents {mine} begin within {tenths / 10:g} s on {on}"
+
+
+def _first(group: Sequence[Incident], what: str) -> str:
+    return (
+        f"one fault is likelier than {len({i.bus for i in group})}; look first at what these buses "
+        f"share ({what})"
+    )
+
+
+def _named(group: Sequence[Incident]) -> tuple[str, str]:
+    """Return the numbers and the buses of incidents, in words."""
+    ordered = sorted(group, key=lambda i: i.number)
+    return numbered([i.number for i in ordered]), and_([*dict.fromkeys(i.bus for i in ordered)])
 
 
 def _are_several(group: Sequence[Incident]) -> bool:
@@ -103,13 +168,10 @@ def _was_seen_to_begin(incident: Incident, began: Mapping[str, int]) -> bool:
     return first is not None and incident.first_ns - first > FROM_THE_BEGIN_NS
 
 
-def _told(group: Sequence[Incident], what: str) -> Shared:
-    return Shared(
-        tuple(sorted(i.number for i in group)),
-        tuple(dict.fromkeys(i.bus for i in sorted(group, key=lambda i: i.number))),
-        max(i.first_ns for i in group) - min(i.first_ns for i in group),
-        what,
-    )
+def _shared(group: Sequence[Incident], why: str, advice: str) -> Shared:
+    ordered = sorted(group, key=lambda i: i.number)
+    buses = tuple(dict.fromkeys(i.bus for i in ordered))
+    return Shared(tuple(i.number for i in ordered), buses, why, advice)
 
 
 def numbered(numbers: Sequence[int]) -> str:
