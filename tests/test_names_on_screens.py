@@ -94,6 +94,9 @@ def test_servos_of_a_moment_and_figures_are_told_by_name(index: CaptureIndex) ->
     titles, *rows = text.splitlines()[1:8]
     assert {row.index("  ", row.index(" ", 5) + 2) >= 0 for row in rows} == {True}
     assert titles.index("requests") == rows[0].index(LONG) + len(LONG) + 2
+    found = text[text.index("found ") :].splitlines()
+    assert any(f"  arm  1 {LONG}  " in row for row in found[1:])
+    assert {row.index("#") for row in found[1:]} == {found[0].index("first in line")}
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.keys import KEYS, help_text
-from sniffer.inside.moment import moment_of
+from sniffer.inside.moment import SHOWN, moment_of
 from sniffer.inside.panes import figures_text
 from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
@@ -336,16 +336,17 @@ def test_bytes_that_the_last_like_frame_had_not_are_known(index: CaptureIndex) -
     assert part.changed
 
 
-def test_the_servos_are_known_as_of_a_line(index: CaptureIndex) -> None:
+@pytest.mark.parametrize("line", [700, 960, 1100])
+def test_the_servos_are_known_as_of_a_line(index: CaptureIndex, line: int) -> None:
     rows = [r for r in sniffer.decode(DAMAGED) if isinstance(r, SampleRow)]
-    line = 700
     now = int(index.lines["t"][line])
     for row in moment_of(index, line):
         mine = [r for r in rows if r.servo_id == row.servo and r.t_ns <= now]
         last = [r for r in mine if r.quantity == "position" and not r.part][-1]
         assert last.value is not None
         assert row.cells["position"] == f"{last.value:.4g} mm"
-        assert row.age_s >= 0
+        said = max(r.t_ns for r in mine if not r.part and r.quantity in SHOWN[:1] + SHOWN[2:])
+        assert row.age_s == pytest.approx((now - said) / 1e9), "of what it said, not of its goal"
     assert [row.servo for row in moment_of(index, line)] == [1, 2, 3]
 
 

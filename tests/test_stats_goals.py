@@ -54,7 +54,7 @@ def test_a_position_under_the_id_that_may_be_everyone_is_of_no_other_servo() -> 
 def slow_steps(
     course: Sequence[tuple[str, float]], count: float, apart_ms: float
 ) -> tuple[dict[str, int], list[tuple[float, float, str]]]:
-    """Return what becomes of steps, one event after the other; and those that held long in vain.
+    """Return what becomes of steps, one event after the other; and those seen late to be in vain.
 
     Of these the goal, the last position, and what ended it.
     """
@@ -64,15 +64,14 @@ def slow_steps(
     now = last = math.nan
     step: list[float] | None = None
 
-    def end(fate: str, k: int) -> None:
+    def end(fate: str) -> None:
         if step is not None:
             travel, target, *seen = step
             band = max(0.05 * abs(travel), 4 * count)
             inside = list(itertools.takewhile(lambda x: abs(x - target) <= band, reversed(seen)))
             unseen = "unseen" if fate == "overtaken" and not seen else fate
             out["settled" if len(inside) >= 2 else unseen] += 1
-            held = (looked if fate == "under_way" else k) - begun
-            if len(inside) < 2 and seen and held * apart_ms >= 500:
+            if seen and not inside and (looked - begun) * apart_ms >= 500:
                 ended = {"overtaken": "next_goal", "under_way": "capture_end"}[fate]
                 missed.append((target, seen[-1], ended))
 
@@ -82,11 +81,11 @@ def slow_steps(
             if step is not None:
                 step.append(value)
         elif value != now:
-            end("overtaken", k)
+            end("overtaken")
             begun = k
             now, travel = value, value - last
             step = [travel, value] if abs(travel) > 8 * count else None
-    end("under_way", len(course))
+    end("under_way")
     return dict(out), missed
 
 

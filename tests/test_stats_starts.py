@@ -104,6 +104,15 @@ def test_goals_that_held_and_were_not_reached_are_told_with_what_ended_them() ->
     assert steps["fates"] == {"overtaken": 1, "settled": 1, "under_way": 1}
 
 
+def test_a_goal_that_was_looked_at_too_early_or_was_met_at_the_last_look_is_not_missed() -> None:
+    chunks = [*polled(0, [0] * 5), *goal(51, 2000), *polled(60, [500, 1200])]
+    chunks += [*goal(3000, 3000), *polled(3010, [2000]), *polled(5000, [3000])]
+    chunks += [*goal(6000, 0), *polled(6010, [2900]), *polled(8000, [0])]
+    (steps,) = motions(chunks)["steps"]
+    assert (steps["unreached"], steps["unreached_goals"]) == (0, [])
+    assert steps["fates"] == {"overtaken": 2, "under_way": 1}
+
+
 def slow_starts(events: Sequence[Event]) -> tuple[int, int, int, list[tuple[int, int]]]:
     """Return goals from rest, those moved and recalled, and bounds in ms, event after event."""
     seen: list[tuple[int, int]] = []

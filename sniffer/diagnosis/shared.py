@@ -116,7 +116,8 @@ def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Sha
             f"time (incidents {numbered(sorted(i.number for i in pair))})"
         )
         advice = (
-            "they are likely the two wires of one line; `sniffer cut FILE --split bus -o wire.mcap` "
+            "they are likely the two wires of one line; "
+            "`sniffer cut FILE --split bus -o wire.mcap` "
             f"and `sniffer merge wire-{asked.bus}.mcap wire-{may[0].bus}.mcap --pair -o bus.mcap` "
             "make them one bus, `sniffer record --pair` does while it records"
         )

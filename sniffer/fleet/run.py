@@ -26,6 +26,7 @@ from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.needs import need_pyarrow
 from sniffer.ground.wording import Sentence, as_text, counted
 from sniffer.jobs.telling import Teller
+from sniffer.sources.several import inputs_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -96,7 +97,7 @@ class FleetRun:
 
 
 def decode_fleet(
-    inputs: Sequence[str | Path],
+    inputs: str | Path | Sequence[str | Path],
     dataset: str | Path,
     options: Options | None = None,
     *,
@@ -152,6 +153,7 @@ def decode_fleet(
         told = "{root}: readers of tables would take {within} for that of each row: give {dataset} "
         told += "a folder that does not lie in it"
         raise OutputError(Sentence(told, root=dataset, within=within))
+    inputs = inputs_of(inputs)
     tasks, unread = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
     try:
         store.probe()

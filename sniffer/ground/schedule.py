@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from sniffer.ground.heard import SET_BACK_NS
+from sniffer.ground.model import SnifferError
 from sniffer.ground.moments import DAY_NS
+
+
+def checked(speed: float) -> float:
+    """Return a speed, in times real time.
+
+    Raises:
+        SnifferError: nothing can be played at it.
+    """
+    if not 0 <= speed < math.inf:
+        raise SnifferError(f"a speed is 0 or more times real time, not {speed:g}")
+    return speed
 
 
 class Schedule:
@@ -13,11 +27,14 @@ class Schedule:
     was set meanwhile, back or by more than a day, they are counted anew.
 
     Args:
-        speed: times real time, above 0.
+        speed: times real time; 0: nobody waits, so nothing is ever due.
+
+    Raises:
+        SnifferError: nothing can be played at it.
     """
 
     def __init__(self, speed: float) -> None:
-        self._speed = speed
+        self._speed = checked(speed)
         self._began: int | None = None
         self._first = self._last = 0
 

@@ -39,7 +39,9 @@ class ShownCode:
 
     code: str
     severity: int
+    bus: str
     servo: int
+    who: str
     count: int
     line: int
 
@@ -103,9 +105,12 @@ def _servos(index: CaptureIndex, lines: Table) -> list[ShownServo]:
             middle, worst = (_took(took, spread, int(order[i])) for i in (n // 2, n - 1))
         counts = int(asked[k]), int(said[k]), int(missing[k])
         bus, servo = index.buses[k // width], k % width - 1
-        who = index.names.label(bus, servo) if servo >= 0 else "-"
-        out.append(ShownServo(bus, servo, who, *counts, middle, worst))
+        out.append(ShownServo(bus, servo, _who(index, bus, servo), *counts, middle, worst))
     return sorted(out, key=lambda s: -s.missing)
+
+
+def _who(index: CaptureIndex, bus: str, servo: int) -> str:
+    return index.names.label(bus, servo) if servo >= 0 else "-"
 
 
 def _took(took: I64, spread: I64, row: int) -> str:
@@ -117,16 +122,13 @@ def _codes(index: CaptureIndex, numbers: I64) -> list[ShownCode]:
     found = index.found
     if len(numbers) != len(index.lines):
         found = found[np.isin(found["line"], numbers)]
-    key = found["code"].astype(np.int64) << 16 | (found["servo"].astype(np.int64) + 1)
+    bus = index.lines["bus"][found["line"]].astype(np.int64)
+    key = found["code"].astype(np.int64) << 32 | bus << 16 | (found["servo"].astype(np.int64) + 1)
     every, first, count = np.unique(key, return_index=True, return_counts=True)
-    out = [
-        ShownCode(
-            CODES[k >> 16],
-            int(found["severity"][at]),
-            (k & 0xFFFF) - 1,
-            n,
-            int(found["line"][at]),
-        )
-        for k, at, n in zip(every.tolist(), first.tolist(), count.tolist(), strict=True)
-    ]
+    out = []
+    for k, at, n in zip(every.tolist(), first.tolist(), count.tolist(), strict=True):
+        name, servo = index.buses[k >> 16 & 0xFFFF], (k & 0xFFFF) - 1
+        severity, line = int(found["severity"][at]), int(found["line"][at])
+        who = _who(index, name, servo)
+        out.append(ShownCode(CODES[k >> 32], severity, name, servo, who, n, line))
     return sorted(out, key=lambda c: (-c.severity, -c.count))

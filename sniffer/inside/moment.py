@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
     from sniffer.inside.pages import Board
 
+GOAL: Final = "goal_position"
+
 SHOWN: Final = (
     "position",
-    "goal_position",
+    GOAL,
     "speed",
     "load",
     "current",
@@ -33,7 +35,7 @@ SHOWN: Final = (
 NEAR: Final = 1 << 12
 """Lines in which a bus is looked for first."""
 
-TITLES: Final = {"goal_position": "goal", "temperature": "temp"}
+TITLES: Final = {GOAL: "goal", "temperature": "temp"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,16 +111,18 @@ def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> 
         }
         if (error := _error(known)) is not None:
             cells["error"] = error
-        latest = max(told.t_ns for _, told in known.values())
+        # a servo that is silent is told its goals all the same
+        said = [told.t_ns for q, (_, told) in known.items() if q != GOAL]
+        latest = max(said or [known[GOAL][1].t_ns])
         out.append(MomentRow(bus, servo, str(servo), cells, (now - latest) / NS))
     return out
 
 
 def _error(known: dict[str, tuple[Register, LastValue]]) -> str | None:
     """Return by how much the goal lies beyond the position, where both have one unit."""
-    if "position" not in known or "goal_position" not in known:
+    if "position" not in known or GOAL not in known:
         return None
-    (here, is_at), (goal, to) = known["position"], known["goal_position"]
+    (here, is_at), (goal, to) = known["position"], known[GOAL]
     if here.unit != goal.unit or math.isnan(is_at.value) or math.isnan(to.value):
         return None
     return f"{to.value - is_at.value:+.4g} {word_of(here.unit)}".rstrip()

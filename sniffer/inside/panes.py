@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import JustifyMethod
 
     from sniffer.inside.detail import Detail, DetailField, DetailPart
-    from sniffer.inside.figures import ShownFigures
+    from sniffer.inside.figures import ShownCode, ShownFigures, ShownServo
     from sniffer.inside.moment import MomentRow
     from sniffer.inside.view import LineView
 
@@ -213,23 +213,27 @@ def figures_text(figures: ShownFigures) -> Text:
         f"{figures.frames} frames, {figures.gaps} gaps, {figures.span_s:.3f} s; "
         f"{figures.bytes} bytes, {figures.bytes_in_gaps} in no frame\n"
     )
-    buses = list(dict.fromkeys(plain(s.bus) for s in figures.servos))
-    several = max(map(cell_len, buses), default=0) if len(buses) > 1 else 0
-    title = f"{set_cell_size('bus', max(several, 3))}  " if several else ""
-    room = max((cell_len(s.who) for s in figures.servos if " " in s.who), default=5)
-    out.append(f"{title}{'servo':{room}}  requests answers  missing  median    worst\n", "bold")
+    told: list[ShownServo | ShownCode] = [*figures.servos, *figures.codes]
+    buses = {plain(one.bus) for one in told}
+    bus_room = max(3, *map(cell_len, buses)) + 2 if len(buses) > 1 else 0
+    room = max((cell_len(plain(one.who)) for one in told if " " in one.who), default=5)
+
+    def whose(bus: str, who: str) -> str:
+        name = set_cell_size(who, room) if room > len("servo") else f"{who:>5}"
+        return f"{set_cell_size(bus, bus_room)}{name}"
+
+    title = whose("bus", "servo")
+    out.append(f"{title}  requests answers  missing  median    worst\n", "bold")
     for s in figures.servos:
-        who = set_cell_size(plain(s.who), room) if room > len("servo") else f"{s.who:>5}"
-        if several:
-            who = f"{set_cell_size(plain(s.bus), max(several, 3))}  {who}"
+        who = whose(plain(s.bus), plain(s.who))
         style = "red" if s.missing else ""
         out.append(
             f"{who}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  {s.median:<8}  {s.worst}\n",
             style,
         )
     if figures.codes:
-        out.append("found                          servo  times   first in line\n", "bold")
+        out.append(f"{'found':<29}  {title}  times   first in line\n", "bold")
     for c in figures.codes:
-        who = str(c.servo) if c.servo >= 0 else "-"
-        out.append(f"{c.code:<29}  {who:>5}  {c.count:<6}  #{c.line + 1}\n", SEVERITIES[c.severity])
+        who = whose(plain(c.bus), plain(c.who))
+        out.append(f"{c.code:<29}  {who}  {c.count:<6}  #{c.line + 1}\n", SEVERITIES[c.severity])
     return out

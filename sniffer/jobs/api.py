@@ -119,7 +119,7 @@ def decode(
     models: Mapping[int | None, str] | None = None,
     latency_ns: int | None = None,
     registers: Iterable[str | Path | RegisterMap] = (),
-    alarms: Iterable[str] = (),
+    alarms: str | Iterable[str] = (),
     channels: Mapping[str, str] | None = None,
     invert: bool = False,
     glitch_us: float | None = None,
@@ -159,7 +159,7 @@ def decode(
         models=models or {},
         latency_ns=latency_ns,
         tables=tables,
-        alarms=tuple(map(alarm_in, alarms)),
+        alarms=tuple(map(alarm_in, [alarms] if isinstance(alarms, str) else alarms)),
     ).with_facts(given.facts(), given.tables)
     pipeline = Pipeline(options, [keep])
     damage = None

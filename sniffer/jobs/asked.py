@@ -43,7 +43,12 @@ class Extract:
 
         Raises:
             InputError: an end of the window is no place.
+            SnifferError: one of both is given as something else.
         """
+        if not isinstance(window, Window | None):
+            raise SnifferError(f"a window is made like Window({window!r})")
+        if isinstance(selection, str):
+            raise SnifferError(f"a selection is made like Selection.parse({selection!r})")
         start, stop = (window or Window()).places()
         if selection is None and start is None and stop is None:
             return None

@@ -31,7 +31,7 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.telling import Teller
 from sniffer.messages import ANCHOR, OFFSET
 from sniffer.sources import open_source
-from sniffer.sources.several import refuse_twice
+from sniffer.sources.several import inputs_of, refuse_twice
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -52,7 +52,7 @@ _SAID_ANEW: Final = frozenset((*_OF_A_BUS, OFFSET, "rate", NAME.removesuffix("."
 
 
 def merge(
-    sources: Sequence[str | Path],
+    sources: str | Path | Iterable[str | Path],
     outputs: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
@@ -98,6 +98,9 @@ def merge(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
+    sources = inputs_of(sources)
+    if not sources:
+        raise SnifferError("merge takes captures, one or more: there is none")
     if pair and len(sources) != 2:
         raise SnifferError(Sentence("{pair} is about two captures, one of each wire"))
     if pair and together:

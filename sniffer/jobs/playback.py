@@ -13,6 +13,7 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.collecting import Promptly
 from sniffer.ground.files import paths_of
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
+from sniffer.ground.schedule import checked
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.asked import buses_of, only_bus
@@ -225,7 +226,7 @@ def _check(role: PlayedRole, ports: PlayedPorts, *, loop: bool, echo: bool, spee
         raise SnifferError(Sentence("{echo} is for who speaks to {role:servos}"))
     if loop and role != PlayedRole.LINE:
         raise SnifferError(Sentence("{loop} is for a line: leave {role} out"))
-    if speed != 1 and servos:
+    if checked(speed) != 1 and servos:
         raise SnifferError(
             Sentence("{speed} is for what keeps its own time: {role:servos} does not")
         )

@@ -20,7 +20,7 @@ from sniffer.ground.model import (
     DamagedInputError,
     SnifferError,
 )
-from sniffer.ground.schedule import Schedule
+from sniffer.ground.schedule import Schedule, checked
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.aside import kept_aside
@@ -193,6 +193,7 @@ def replay(
     inputs = inputs_of(source)
     if loop and "-" in map(str, inputs):
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
+    checked(speed)
     options = options or Options()
     options.check()
     asked = Extract.of(selection, window)

@@ -221,9 +221,7 @@ def _no_first(text: str, word: str, number: str) -> str:
 
 def _number(text: str, word: str, number: str, least: int = 0) -> int:
     if not re.fullmatch("[0-9]{1,17}", number) or not least <= int(number) < OFFSET_END:
-        told = (
-            f"the number of a {word}" if word in ("byte", "anomaly") else "which of them is meant"
-        )
+        told = f"which {word}" if word in ("byte", "anomaly") else "which of them is meant"
         raise InputError(f"{_cut(text)}: write {told}, as in @{word}:7")
     return int(number)
 
@@ -262,12 +260,14 @@ def ambiguous(place: CapturePlace, having: Sequence[str]) -> str:
 class Window:
     """A part of a capture: from a place to a place, each in words (``place_in``) or in seconds.
 
+    A ``datetime`` is a moment, of UTC where it names no zone; a ``timedelta`` counts as seconds do.
+
     ``around_ns`` widens it on both sides; where only one place is given, it is the part around it.
     Without any place it is all of the capture.
     """
 
-    start: float | str = 0.0
-    stop: float | str | None = None
+    start: float | str | datetime.datetime | datetime.timedelta = 0.0
+    stop: float | str | datetime.datetime | datetime.timedelta | None = None
     around_ns: int = 0
 
     @property
@@ -320,5 +320,14 @@ def _since(start: CapturePlace | None) -> int:
     return start.ns if start.kind == SINCE else -1
 
 
-def _place(given: float | str) -> CapturePlace:
-    return place_in(given if isinstance(given, str) else f"{given:.9f}")
+def _place(given: float | str | datetime.datetime | datetime.timedelta) -> CapturePlace:
+    if isinstance(given, datetime.timedelta):
+        given = given.total_seconds()
+    if isinstance(given, datetime.datetime):
+        return place_in(given.isoformat())
+    if isinstance(given, str):
+        return place_in(given)
+    try:
+        return place_in(f"{given:.9f}")
+    except (TypeError, ValueError):
+        raise InputError(f"{given!r} is no place in a capture: write it like {_FORMS}") from None

@@ -18,7 +18,7 @@ from sniffer.sources import open_source
 from sniffer.sources.source import Source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.ground.registers import RegisterMap
@@ -148,11 +148,16 @@ STANDARD_INPUT: Final = "standard input"
 """What it is called where files have their names."""
 
 
-def inputs_of(source: str | Path | Sequence[str | Path]) -> list[str | Path]:
+def inputs_of(source: str | Path | Iterable[str | Path]) -> list[str | Path]:
     """Return the inputs of a capture, of one file or of several; bytes raise an InputError."""
     if isinstance(source, bytes | bytearray | memoryview):
         raise InputError("a path is needed, or several: bytes are for `decode` and `Decoder`")
-    return [source] if isinstance(source, str | Path) else [*source]
+    if isinstance(source, str | Path):
+        return [source]
+    try:
+        return [*source]
+    except TypeError:
+        raise InputError(f"a path is needed, or several, not {source!r}") from None
 
 
 def joined(inputs: Sequence[str | Path]) -> str:

@@ -38,7 +38,8 @@ RESOLUTION: Final = 4
 what is less cannot be told from noise."""
 
 HELD_NS: Final = LONGEST_NS
-"""A goal that holds so long is one to be reached; of a trajectory nobody expects it of each."""
+"""A goal that holds so long, and is seen not to be reached then, is missed: of a trajectory nobody
+expects that each is reached, nor that a joint is there as soon as it is told to go."""
 
 LISTED: Final = 100
 """Goals of one servo that were not reached, of which each is told; of all how many they are."""
@@ -48,7 +49,7 @@ ENDS: Final = {"overtaken": "next_goal", "let_go": "let_go", "under_way": "captu
 
 
 class Unreached(NamedTuple):
-    """A goal that held for ``HELD_NS`` at least and was not settled at, as far as it was seen.
+    """A goal that was not reached: ``HELD_NS`` behind it and later, what was seen last was not it.
 
     ``start`` is the position when it was given, ``left`` the last one under it; ``stands``: the
     one before was the same. ``held_ns`` is until what ``ended`` it, at the end of a capture until
@@ -124,8 +125,9 @@ class _Step:
     moves: float = np.inf
 
     def unreached(self, least: float, held_ns: int, fate: str) -> Unreached | None:
-        """Return what is told of it if it held long and was seen; ``least`` is no motion."""
-        if self.spread < 0 or held_ns < HELD_NS or not self.seen:
+        """Return what is told of it if it was seen not to be reached; ``least`` is no motion."""
+        is_late = self.left.t_ns - self.t_ns >= HELD_NS
+        if self.spread < 0 or self.inside or not self.seen or not is_late:
             return None
         goal = Extreme(self.goal, self.t_ns, self.at)
         stands = self.moves <= least
@@ -221,7 +223,8 @@ class GoalSteps:
         mine.fates["overtaken"] += int((~let_go & ~settled).sum())
         t_ns = course.t_ns
         held = t_ns[changes[real + 1]] - t_ns[begins[real]]
-        for k in np.flatnonzero(~settled & (held >= HELD_NS)).tolist():
+        looked = t_ns[rows[behind - 1]] - t_ns[begins[real]]
+        for k in np.flatnonzero((out == behind - 1) & (looked >= HELD_NS)).tolist():
             if course.spread[begins[real[k]]] >= 0:
                 row, at = rows[behind[k] - 1], begins[real[k]]
                 mine.miss(
