@@ -94,7 +94,19 @@ def test_a_word_that_is_nearly_right_is_answered_with_the_right_one(
         "255 255 255 1 2 241 11",
         "255, 255, 255, 1, 2, 241, 11",
         "{0xFF, 0xFF, 0xFF, 0x01, 0x02, 0xF1, 0x0B}",
+        "[255, 255, 255, 1, 2, 241, 11]",
+        "FF-FF-FF-01-02-F1-0B",
+        "TX: FF FF FF 01 02 F1 0B",
+        "(1.0) bus0 #FFFFFF0102F10B",
     ],
 )
 def test_bytes_may_be_written_as_programs_print_them(text: str) -> None:
     assert read_hex(text).hex() == "ffffff0102f10b"
+
+
+def test_a_line_of_text_may_end_as_it_does_in_a_program() -> None:
+    assert read_hex(r"#5D1800\r") == b"#5D1800\r"
+
+
+def test_hex_digits_with_dashes_between_are_no_code(capsys: Capsys) -> None:
+    assert "7 bytes" in within(capsys, "explain", "FF-FF-FF-01-02-F1-0B").out

@@ -35,6 +35,31 @@ def test_a_listing_says_where_a_day_begins(two_days: Path, capsys: Capsys) -> No
         assert not re.search(r"(?m)^2026-", told)
 
 
+def test_what_is_shown_of_the_second_day_alone_has_its_date(two_days: Path, capsys: Capsys) -> None:
+    midnight = 1795219200 * 10**9
+    shown = within(capsys, "decode", two_days, "--where", f"t_ns > {midnight}").out
+    assert shown.splitlines()[1] == "2026-11-21"
+    quiet = within(capsys, "decode", two_days, "--where", f"t_ns < {midnight}").out
+    assert "2026-" not in quiet.split("\n\n")[0]
+
+
+def test_when_a_servo_answered_last_is_told_with_the_day(
+    two_days: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capsys
+) -> None:
+    monkeypatch.setenv("COLUMNS", "150")
+    assert " 2026-11-21 22:55:13.968 " in within(capsys, "stats", two_days).out
+    assert " 22:55:13.968 " in within(capsys, "stats", CAPTURE).out
+
+
+def test_an_incident_of_the_second_day_alone_has_its_date(tmp_path: Path, capsys: Capsys) -> None:
+    clean = CAPTURE.with_name("mightyzap_clean.log").read_text()
+    later = re.sub(r"(?m)^\((\d+)", lambda t: f"({int(t[1]) + 86400}", CAPTURE.read_text())
+    path = tmp_path / "days.log"
+    path.write_text(clean.rstrip("\n") + "\n" + later)
+    told = within(capsys, "diagnose", path).out
+    assert re.search(r"(?m)^\d  2026-11-21 22:55:0\d\.\d ", told)
+
+
 def test_an_incident_that_ends_on_another_day_says_which(
     two_days: Path, tmp_path: Path, capsys: Capsys
 ) -> None:

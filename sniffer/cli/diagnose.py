@@ -91,6 +91,7 @@ def diagnose(
                     done.incidents,
                     done.sentence,
                     clock=done.has_clock,
+                    began_ns=done.first_ns,
                     rest=done.rest,
                     console=console,
                     names=done.names,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
+_HEX: Final = re.compile(r"(0x)?[0-9a-f]+|[0-9a-f]{2}(-[0-9a-f]{2})+")
 """How codes, findings and causes are spelled; none can be read as hex, a test holds that."""
 
 
@@ -130,7 +131,7 @@ def _refuse_file(text: str) -> None:
 
 def _is_name(text: str) -> bool:
     """Return whether this names something: it is a word, and no hex digits."""
-    return bool(_NAME.fullmatch(text.lower())) and not re.fullmatch(r"(0x)?[0-9a-f]+", text.lower())
+    return bool(_NAME.fullmatch(text.lower())) and not _HEX.fullmatch(text.lower())
 
 
 def _tell_meaning(text: str) -> int:

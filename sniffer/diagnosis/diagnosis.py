@@ -120,6 +120,11 @@ class Diagnosis:
         """Whether the times of all buses are measured."""
         return all(case.has_clock for case in self.cases())
 
+    @property
+    def first_ns(self) -> int:
+        """When the first bus was first heard."""
+        return min((case.first_ns for case in self.cases()), default=0)
+
     def shared(self, incidents: Sequence[Incident]) -> tuple[Shared, ...]:
         """Return which incidents of several buses are likely one fault each."""
         return shared(incidents, self.cases())

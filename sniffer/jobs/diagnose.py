@@ -49,7 +49,9 @@ class Diagnosed:
     names: ServoNames = field(default_factory=ServoNames)
     """What servos are called, where they are shown to people."""
     shared: tuple[Shared, ...] = ()
-    """Incidents that begin on several buses at one moment: likely one fault of what these share."""
+    """Incidents of several buses that are likely one fault."""
+    first_ns: int = 0
+    """When the capture begins: times of another day are told with their date."""
 
     @property
     def is_one_bus(self) -> bool:
@@ -119,4 +121,5 @@ def diagnose(
         done.ending,
         done.summary.names,
         diagnosis.shared(incidents),
+        diagnosis.first_ns,
     )

@@ -24,17 +24,20 @@ if TYPE_CHECKING:
 
 _LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
 
+_ENDED = re.compile(r"(\\[rn])+$")
+"""The end of a line as it stands in a program."""
+
 
 def read_hex(text: str) -> bytes:
     """Return the bytes of a hex text, of an LSS line given as text, or as programs print them.
 
-    Those are decimal numbers of which one has three digits, and whatever a line of a hex dump may
-    have: arrays of C, and bytes as Python shows them.
+    Those are decimal numbers of which one has three digits, and whatever a capture's lines may be:
+    lines of logs, arrays of C, bytes and lists as Python shows them.
 
     Raises:
         InputError: it is neither.
     """
-    plain = text.strip()
+    plain = _ENDED.sub("", text.strip())
     if _LSS.fullmatch(plain):
         return plain.encode("ascii") + b"\r"
     numbers = re.split(r"[\s,;]+", plain)
@@ -43,10 +46,10 @@ def read_hex(text: str) -> bytes:
     squeezed = re.sub(r"0[xX]|[\s,;:]", "", plain)
     with contextlib.suppress(ValueError):
         return bytes.fromhex(squeezed)
-    from sniffer.sources.plain import hex_line  # for what programs print, no plain hex
+    from sniffer.sources import open_source  # takes its time: for what is no plain hex
 
-    with contextlib.suppress(ValueError):
-        return hex_line(plain.encode())
+    with contextlib.suppress(InputError), contextlib.closing(open_source(plain.encode())) as source:
+        return b"".join(chunk.data for group in source for chunk in group)
     odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
     why = "an odd number of hex digits" if odd else "not hex digits"
     told = "write bytes as FF FF FF 01 02 F1 0B"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
 from sniffer.ground.model import MS, Clock
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import and_, counted
 from sniffer.reports import rules as r
 from sniffer.reports import words
 from sniffer.reports.moving import following, lag, settling, starting, unreached
@@ -293,7 +293,7 @@ _FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
 def _nothing(rule: r.Rule, heard: Subject) -> str:
     """Say why there is no figure."""
     if rule.bus and not list(_buses(rule, heard)):
-        return f"there is no bus {rule.bus}: {', '.join(heard.summary.buses)} is there"
+        return f"there is no bus {rule.bus}, only {and_([*heard.summary.buses])}"
     if rule.servos and not list(servos_of(rule, heard)):
         ids = _ids(rule, heard, rule.servos)
         return f"no servo of the id {ids} was asked or heard"

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
 from sniffer.ground.model import NS
-from sniffer.ground.moments import of_day
+from sniffer.ground.moments import with_day
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
@@ -170,10 +170,10 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
         yield "no clock in the input: no rates and no times"
         return
     yield f"over {bus['seconds']:.3f} s"
-    told = f"load {percent(load['mean'])}, at most {percent(load['peak'])} "
-    width_ns = load["slice_ns"]
-    told += f"in {width_ns / 1e6:.0f} ms" if width_ns < NS else f"in {width_ns / NS:g} s"
-    shares = load["shares"]
+    told, shares, width_ns = f"load {percent(load['mean'])}", load["shares"], load["slice_ns"]
+    if max(shares) > load["mean"]:  # else nothing was heard in a whole slice
+        told += f", at most {percent(load['peak'])} in "
+        told += f"{width_ns / 1e6:.0f} ms" if width_ns < NS else f"{width_ns / NS:g} s"
     per = -(-len(shares) // BARS_MOST)
     drawn = bars([n / per for n in halved(shares, BARS_MOST)], 1.0)
     together = len(told) + len(drawn) + 4 <= width
@@ -268,7 +268,7 @@ def _heard(
         row = [str(s["responses"]), "never", "", *([""] * len(clock))]
         if last is not None:
             row[1:3] = (seconds_of(s[end]["t_ns"], first, bus) for end in _ENDS)
-            row[3:] = [of_day(last["t_ns"])] * len(clock)
+            row[3:] = [with_day(last["t_ns"], first)] * len(clock)
         row.append(f"{(bus['last_ns'] - ended(s)) / NS:.3f}")
         if pause is not None:
             row += [ms_of(pause, "value_ns"), seconds_of(pause["t_ns"], first, bus)]

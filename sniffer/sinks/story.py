@@ -35,6 +35,7 @@ def print_incidents(
     judged: str,
     *,
     clock: bool,
+    began_ns: int,
     rest: Rest,
     console: Console | None = None,
     names: ServoNames | None = None,
@@ -45,6 +46,7 @@ def print_incidents(
 
     What is to be mended comes first, what is only worth knowing behind it, bus by bus, each by its
     beginning; of several buses each incident has the name of its own.
+    Times of another day than that of ``began_ns``, the capture's begin, have their date.
     ``rest`` are anomalies of which no cause can be told: with them, not nothing is wrong.
     ``shared`` are incidents of several buses that are likely one fault: the surest of one cause is
     told at length, the others by their heads.
@@ -59,7 +61,6 @@ def print_incidents(
         _hang(console, f"{len(incidents)} incidents: ", [Text(each) for each in told])
         console.print()
     leading = _leading(incidents, shared)
-    began_ns = min((i.first_ns for i in incidents), default=0)
     for nth, incident in enumerate(incidents):
         if nth:
             console.print()

@@ -169,6 +169,9 @@ class TextSink:
             self._summary.add(bus, protocol, batch)
             self._diagnosis.write(bus, protocol, batch)
             lines += self._lines_of(bus, protocol, batch)
+        if self._day is None:  # that of the first frame, be it shown or not
+            begun = (int(batch.frames.t_end[0]) for _, batch in parts if len(batch.frames))
+            self._day = next(map(_day_of, begun), None)
         lines.sort(key=lambda line: line.start)
         if lines:
             self._lines.add(bus, [(line.t_ns, line) for line in lines])
@@ -195,7 +198,7 @@ class TextSink:
             if bus not in self._shown and not self._with_bus:
                 self._lay_out([*self._shown, bus])
                 told.append(self._head())
-            day = None if line.t_ns < DATED_NS else line.t_ns // DAY_NS
+            day = _day_of(line.t_ns)
             if self._times == ABSOLUTE and self._day not in (None, day):
                 told.append(self._paint("head", date_of(line.t_ns)))
             self._day = day
@@ -333,6 +336,11 @@ class TextSink:
 
 HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 """Titles of the columns."""
+
+
+def _day_of(t_ns: int) -> int | None:
+    """Return the number of a time's day, None of one that tells no day."""
+    return None if t_ns < DATED_NS else t_ns // DAY_NS
 
 
 def _told_apart(shown: Mapping[str, str], room: int) -> dict[str, str]:

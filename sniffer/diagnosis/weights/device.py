@@ -224,7 +224,7 @@ WEIGHTS: Final = (
         ("limp-by-status", 0.3, "it switches its motor off"),
         ("goals-without-torque", 0.3, "it switches its motor off, and gets goals still"),
         ("joint-not-following", 0.3, "it switches its motor off"),
-        ("device-recovered", 0.3, "it cools down"),
+        ("device-recovered", 0.3, "it takes its warning back"),
         ("voltage-sag", -2.0, "its supply is low: it may protect itself for that"),
         ("complaints-together", -3.0, "several complain at once: motors grow hot one by one"),
         ("load-high-and-still", -4.0, "it is blocked: heat follows from that"),
