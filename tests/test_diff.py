@@ -87,6 +87,34 @@ def warm(who: int, data: bytes) -> tuple[bytes, float]:
     return packet(who, 0, at.to_bytes(2, "little") + data[8:-1]), 0.0
 
 
+class Warming:
+    """What servo 2 states last rises by a count every 40 answers, from some beginning on."""
+
+    def __init__(self, first: int) -> None:
+        self.first, self.n = first, 0
+
+    def __call__(self, who: int, data: bytes) -> tuple[bytes, float]:
+        self.n += who == 2
+        warmth = bytes([self.first + self.n // 40])
+        return (packet(who, 0, data[6:-2] + warmth), 0.0) if who == 2 else (data, 0.0)
+
+
+def test_slow_values_that_lie_apart_are_told_though_nothing_is_proven(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """A servo that is 12 degrees hotter from end to end: the runs were called the same."""
+    a, b = run(tmp_path / "a.log", 1, Warming(35)), run(tmp_path / "b.log", 2, Warming(47))
+    status, found = compared(capsys, a, b)
+    assert (status, found["differences"]) == (0, [])
+    (one,) = found["unproven"]
+    assert (one["about"], one["servo_id"], one["effect"]) == ("value", 2, 1)
+    ran = within(capsys, "diff", a, b, "--baud", "57600")
+    assert ran.status == 0
+    assert "\n1 not proven: all of one run lie beyond all of the other, " in ran.out
+    assert ran.out.splitlines()[-2].endswith(" is 36 in A, 48 in B (medians)")
+    assert "unproven" not in compared(capsys, a, run(tmp_path / "c.log", 3, Warming(35)))[1]
+
+
 class Dropping:
     """Leaves out every sixth answer of servo 1."""
 

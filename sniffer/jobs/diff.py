@@ -61,6 +61,8 @@ class Compared:
     """Which part of each run was compared, where these are two."""
     names: ServoNames = field(default_factory=ServoNames)
     """What servos are called, by the buses of the first run."""
+    unproven: tuple[RunDifference, ...] = ()
+    """Values that lie apart, and are too few independent ones to be sure."""
 
     @property
     def equal(self) -> bool:
@@ -84,11 +86,19 @@ class Compared:
         if self.asked:
             out.insert(0, f"of each what is selected: {'; '.join(self.asked.values())}")
         if self.equal:
-            return [*out, f"the same, as far as {self.tests} comparisons can tell"]
-        n = len(self.differences)
-        told = f"{counted(n, 'difference')} ({self.tests} comparisons; {ALPHA:.0%} of pairs of"
-        out.append(f"{told} equal runs would have one by chance)")
+            out.append(f"the same, as far as {self.tests} comparisons can tell")
+        else:
+            n = len(self.differences)
+            told = f"{counted(n, 'difference')} ({self.tests} comparisons; {ALPHA:.0%} of pairs of"
+            out.append(f"{told} equal runs would have one by chance)")
         for one in self.differences:
+            out += one.lines(self.names)
+        if self.unproven:
+            out.append(
+                f"{len(self.unproven)} not proven: all of one run lie beyond all of the other, but "
+                "each follows its neighbour so closely that they count as very few"
+            )
+        for one in self.unproven:
             out += one.lines(self.names)
         return out
 
@@ -111,8 +121,12 @@ class Compared:
             "alpha": ALPHA,
             "correction": "Holm",
             "tests": self.tests,
-            "differences": [self.names.beside(d.bus, d.as_dict()) for d in self.differences],
+            "differences": self._dicts(self.differences),
+            **({"unproven": self._dicts(self.unproven)} if self.unproven else {}),
         }
+
+    def _dicts(self, found: Sequence[RunDifference]) -> list[dict[str, Any]]:
+        return [self.names.beside(d.bus, d.as_dict()) for d in found]
 
 
 def diff(
@@ -208,20 +222,21 @@ def diff(
         (shown,) = first.frames
         on_b = two[1].options.called.on_bus(of_b)
         names_b = {(shown, servo): name for servo, name in on_b.items()}
-    found, tests = differences(first, second)
+    found = differences(first, second)
     lost = () if output is None else gone([output], tell)
     worst = Ending.worst(endings)
     texts = tuple("all of it" if run.part is None else str(run.part) for run in two)
     return Compared(
         (str(a), str(b)),
         runs,
-        tuple(found),
-        tests,
+        tuple(found.told),
+        found.tests,
         worst,
         told,
         lost,
         texts if differ else (),
         ServoNames(overlaid(names_b, names_a)),
+        tuple(found.unproven),
     )
 
 

@@ -373,7 +373,7 @@ def _controller(
         finally:
             pipeline.finish()
             copies.finish(tell)
-    found, _ = differences(then, now)
+    found = differences(then, now).told
     slower = tuple(one for one in found if one.about == "response_time")
     written = _written(outlets)
     return PlayedBack(written, ending, pacing=player.pacing, hearing=player.hearing, slower=slower)

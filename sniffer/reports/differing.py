@@ -123,9 +123,27 @@ class _Found:
     sure: float = 1.0
     """Of what no test is made of."""
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether these are values of which all of one run lie beyond all of the other."""
+        return self.about == "value" and self.verdict is not None and abs(self.verdict.effect) == 1
 
-def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]:
-    """Return in what two runs differ, the surest first, and how much was compared by a test.
+
+@dataclass(frozen=True, slots=True)
+class RunDifferences:
+    """In what two runs differ, the surest first; ``tests`` is how much was compared by a test.
+
+    ``unproven`` are values of which all of one run lie beyond all of the other, though there are
+    too few independent ones to be sure: of what changes slowly, each follows from its neighbour.
+    """
+
+    told: list[RunDifference]
+    unproven: list[RunDifference]
+    tests: int
+
+
+def differences(a: RunFigures, b: RunFigures) -> RunDifferences:
+    """Return in what two runs differ.
 
     Runs that differ by chance only are told to differ in ``ALPHA`` of all cases.
     """
@@ -140,29 +158,29 @@ def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]
     tested = [one for one in found if one.verdict is not None]
     chances = holm([one.verdict.p for one in tested if one.verdict is not None])
     corrected = dict(zip(map(id, tested), chances, strict=True))
-    out = []
+    out, unproven = [], []
     for one in found:
         v = one.verdict
         p = round(1 - one.sure, 4) if v is None else corrected[id(one)]
         if (v is None or p <= ALPHA) and one.is_enough:
-            exact = DIAGNOSED if one.about == "incident" else EXACT
-            test, effect = (exact, None) if v is None else (v.test, round(v.effect, 4))
-            out.append(
-                RunDifference(
-                    one.about,
-                    one.who.bus,
-                    one.who.servo_id,
-                    one.name,
-                    one.a,
-                    one.b,
-                    test,
-                    p,
-                    effect,
-                    one.sentence,
-                )
-            )
-    out.sort(key=lambda d: (d.p, -abs(d.effect or 0.0), d.about, d.bus, d.servo_id or -1, d.name))
-    return out, len(tested)
+            out.append(_told(one, p))
+        elif one.is_apart:
+            unproven.append(_told(one, p))
+    for each in (out, unproven):
+        each.sort(
+            key=lambda d: (d.p, -abs(d.effect or 0.0), d.about, d.bus, d.servo_id or -1, d.name)
+        )
+    return RunDifferences(out, unproven, len(tested))
+
+
+def _told(one: _Found, p: float) -> RunDifference:
+    exact = DIAGNOSED if one.about == "incident" else EXACT
+    v = one.verdict
+    test, effect = (exact, None) if v is None else (v.test, round(v.effect, 4))
+    who = one.who
+    return RunDifference(
+        one.about, who.bus, who.servo_id, one.name, one.a, one.b, test, p, effect, one.sentence
+    )
 
 
 def _incidents(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
