@@ -89,6 +89,7 @@ def test_a_rule_may_be_written_as_people_do(text: str, rule: str) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
+        ("knee.voltage < 9", "a rule names a servo by its id: write it like 'temperature > 70'"),
         ("hot", "is no rule: write it like 'temperature > 70'"),
         ("temperature = 70", "is no rule"),
         ("temperature > hot", "is no rule"),

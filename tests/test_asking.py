@@ -126,6 +126,24 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
 
 
 @pytest.mark.parametrize(
+    ("servo", "meant"),
+    [
+        ("0x02", "servo_id = 2"),
+        ("1,0x03", "servo_id IN (1, 3)"),
+        ("bus0:2", "bus = 'bus0' AND servo_id = 2"),
+        ("bus0:2,arm:3", "((bus = 'bus0' AND servo_id = 2) OR (bus = 'arm' AND servo_id = 3))"),
+    ],
+)
+def test_servos_are_named_as_manuals_write_ids_and_as_places_name_buses(
+    servo: str, meant: str, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", CAPTURE, "--servo", servo, "--format", "jsonl")
+    assert json.loads(ran.out.splitlines()[-1])["selection"]["where"] == meant
+    by_hand = within(capsys, "decode", CAPTURE, "--where", meant, "--format", "jsonl")
+    assert by_hand.out == ran.out
+
+
+@pytest.mark.parametrize(
     ("options", "where", "servo"),
     [
         (["--servo", "3", "--from", "@first-error"], " where servo_id = 3", 3),

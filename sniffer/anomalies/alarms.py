@@ -56,6 +56,9 @@ _FORM: Final = re.compile(
     r"(?:\s*\bfor\s+(?P<time>\S.*))?"
 )
 
+_NAMED: Final = re.compile(r"\s*[^\W\d][\w ]*\.\s*[A-Za-z_]\w*\s*[<>=!]")
+"""A rule that begins with what a servo may be called."""
+
 ALARM_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
     "alarm": (
         "yours",
@@ -110,6 +113,8 @@ def alarm_in(text: str) -> Alarm:
         InputError: it is none; the message says how one is written.
     """
     match = _FORM.fullmatch(text.strip())
+    if match is None and _NAMED.match(text):
+        raise InputError(f"{text[:60]!r}: a rule names a servo by its id: {WRITE}")
     if match is None or match["op"] not in OPERATORS:
         raise InputError(f"{text[:60]!r} is no rule: {WRITE}")
     servo = None if match["servo"] is None else number_in(match["servo"], 0, IDS - 1)

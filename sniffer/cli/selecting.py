@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -34,8 +35,8 @@ def _codes() -> Iterable[str]:
     return CATALOGUE
 
 
-_OF_IDS: Final = frozenset("0123456789-.")
-"""Signs of what is meant as ids; anything else is a name."""
+_IDS: Final = re.compile("[0-9.-]+|0[xX][0-9A-Fa-f]+")
+"""What is meant as ids; anything else is a name."""
 
 
 def _ids(
@@ -44,7 +45,7 @@ def _ids(
     """Read servo ids, and names of servos; ``3-6`` are four of them."""
     out: list[int | str] = []
     for word in _listed(context, parameter, given):
-        out += [word] if set(word) - _OF_IDS else ids_in([word])
+        out += ids_in([word]) if _IDS.fullmatch(word) else [word]
     return tuple(dict.fromkeys(out))
 
 
@@ -136,7 +137,8 @@ _ROWS = (
     ),
     click.option(
         "--servo", "servos", multiple=True, callback=_ids, metavar="ID|NAME,...",
-        help="Only these servos: 3,5 or 3-6, or left_knee, as --name or the recording calls them.",
+        help="Only these servos: 3,5 or 3-6, arm:3 of several buses, or left_knee, as --name or "
+        "the recording calls them.",
     ),
     click.option(
         "--op", "ops", multiple=True, callback=_listed, metavar="NAME,...",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     from sniffer.decoding.called import Named
 
 
+_HEX: Final = re.compile("0[xX][0-9A-Fa-f]{1,2}")
+"""An id as frames are drawn, and manuals have it."""
+
+
 def ids_in(words: Iterable[str]) -> tuple[int, ...]:
     """Return the servo ids that words say, each once: ``3-6`` are four of them.
 
@@ -28,6 +33,7 @@ def ids_in(words: Iterable[str]) -> tuple[int, ...]:
     out: list[int] = []
     kind: Any = click.IntRange(0, IDS - 1)
     for word in words:
+        word = str(int(word, 16)) if _HEX.fullmatch(word) else word
         first, dash, last = word.partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
             raise click.BadParameter(f"{word!r} is no servo id: write ids as 3,5 or 3-6")
