@@ -314,3 +314,21 @@ def test_a_recording_keeps_its_rules_and_meets_them_again(
         within(capsys, "decode", kept, "--format", "jsonl", "--alarm", "voltage < 1").out
     )
     assert not any(r.get("code") == "alarm" for r in other), "what is said now counts"
+
+
+def test_a_rule_for_some_time_judges_nothing_without_a_clock(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its 2 s were counted from the bytes, without their pauses."""
+    path = tmp_path / "x.bin"
+    path.write_bytes(b"".join(chunk.data for chunk in hot(*[80] * 900)))
+    rule = ("--alarm", "temperature > 70 for 500ms", "--protocol", "mightyzap")
+    ran = within(capsys, "decode", path, *rule, "--code", "alarm", "--format", "jsonl")
+    assert not [row for row in records(ran.out) if row["type"] == "anomaly"]
+    assert "judges nothing: the input has no clock, so nobody knows for how long" in ran.err
+    rule = ("--alarm", "temperature > 70", "--protocol", "mightyzap")
+    ran = within(capsys, "decode", path, *rule, "--code", "alarm", "--format", "jsonl")
+    assert [row["code"] for row in records(ran.out) if row["type"] == "anomaly"] == ["alarm"]
+    assert "judges nothing" not in ran.err
+    stats = within(capsys, "stats", path, *rule).out
+    assert " met by  of values " in stats

@@ -322,15 +322,15 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
 def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     if not bus["alarms"]:
         return None
-    table = Tabulated(
-        "rule", "servo", "times", "met for s", "of s", "worst", left=left_of(bus, "rule")
-    )
+    clocked = bus["load"] is not None
+    long = ("met for s", "of s") if clocked else ("met by", "of values")
+    table = Tabulated("rule", "servo", "times", *long, "worst", left=left_of(bus, "rule"))
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
         worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {word_of(e['unit'])}"
-        heard = f"{e['heard_ns'] / NS:.3f}"
-        table.add_row(e["rule"], who_of(e), str(e["times"]), lasted, heard, worst)
+        told = (lasted, f"{e['heard_ns'] / NS:.3f}") if clocked else (e["met"], e["values"])
+        table.add_row(e["rule"], who_of(e), str(e["times"]), *map(str, told), worst)
     return table
 
 
