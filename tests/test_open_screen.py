@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import pytest
 from textual.events import Key
 from textual.widgets import Static
 
@@ -24,7 +25,6 @@ from tests.terminals import PATIENCE_S
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable
 
-    import pytest
 
 ROOT: Final = Path(__file__).parents[1]
 DAMAGED: Final = ROOT / "sample_captures" / "mightyzap_damaged.log"
@@ -251,6 +251,26 @@ def test_a_file_that_grows_is_followed_and_can_be_held(tmp_path: Path) -> None:
         assert "PAUSED" in glass.text(app.top)
         await glass.press("space")
         assert app.view.count > held
+
+    look(capture, steps, growing=capture)
+
+
+@pytest.mark.parametrize("how", ["cut", "replaced"])
+def test_a_followed_file_that_is_begun_anew_is_told(how: str, tmp_path: Path) -> None:
+    """As by logrotate: what came was not shown until it was longer than what had been there."""
+    lines = DAMAGED.read_bytes().splitlines(keepends=True)
+    capture = tmp_path / "growing.log"
+    capture.write_bytes(b"".join(lines[:1000]))
+
+    async def steps(glass: Glass) -> None:
+        count = glass.app.view.count
+        if how == "replaced":
+            capture.rename(tmp_path / "growing.log.1")
+        capture.write_bytes(b"".join(lines[:100]))
+        await glass.until(lambda: glass.app.reading.done)
+        why = {"cut": "it was cut short and is written anew", "replaced": "another file has taken"}
+        await glass.until(lambda: why[how] in glass.text(glass.app.status))
+        assert glass.app.view.count >= count
 
     look(capture, steps, growing=capture)
 

@@ -55,15 +55,33 @@ class GrowingFile:
     """A file that somebody writes: at its end, reading waits for more until it is stopped."""
 
     def __init__(self, path: Path, stop: threading.Event) -> None:
+        self._path = path
         self._file = path.open("rb", buffering=0)
         self._stop = stop
 
     def read(self, size: int, /) -> bytes:
-        """Return what has been written, up to ``size`` bytes; none once it is stopped."""
+        """Return what has been written, up to ``size`` bytes; none once it is stopped.
+
+        Raises:
+            DamagedInputError: it was begun anew, as logs that rotate are: no more comes here.
+        """
         while not (data := self._file.read(size)):
+            if (anew := self._anew()) is not None:
+                raise DamagedInputError(f"{self._path}: {anew}; open it again to see what it has")
             if self._stop.wait(LOOK_S):
                 return b""
         return data
+
+    def _anew(self) -> str | None:
+        """Return how somebody began the file anew, None where nobody did."""
+        mine = os.fstat(self._file.fileno())
+        if mine.st_size < self._file.tell():
+            return "it was cut short and is written anew"
+        try:
+            there = self._path.stat()
+        except OSError:  # moved away: another one may come
+            return None
+        return None if os.path.samestat(mine, there) else "another file has taken its place"
 
     def close(self) -> None:
         """Close it."""
