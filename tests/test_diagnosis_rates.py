@@ -131,3 +131,14 @@ def test_bytes_that_are_as_even_as_random_ones_are_no_conversation_at_any_rate(s
     """A packed or encrypted file that somebody takes for a capture."""
     chunk = Chunk(random.Random(size).randbytes(size), None, Clock.NONE)
     assert "nothing-holds" not in codes(diagnosed([chunk], "mightyzap"))
+
+
+@pytest.mark.parametrize("size", [60_000, 600_000])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_bytes_of_which_nothing_holds_have_no_torn_frames_of_anybody(
+    protocol: str, size: int
+) -> None:
+    """A file that is no capture: of LSS all requests were torn, and it was noise, 53 %."""
+    data = random.Random(5).randbytes(size)
+    told = diagnosed([Chunk(data)], protocol)
+    assert verdicts(told.incidents()) == []

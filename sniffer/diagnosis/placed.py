@@ -16,6 +16,18 @@ SHOWN: Final = 3
 """Places that a finding shows of many."""
 
 
+HOLDS: Final = 0.02
+"""Part of the bytes that were said which frames hold, at least: where next to nothing holds, what
+looks like a torn frame is none, and the rate is another one, or the protocol."""
+
+
+def is_talk(case: Case) -> bool:
+    """Tell whether enough holds that what is torn can be a frame, too."""
+    total = case.ledger.bytes
+    in_frames = total - int(case.line["gap_bytes"].sum())
+    return in_frames >= HOLDS * (total - case.held_bytes)
+
+
 def single(case: Case, servo: int) -> int | None:
     """Return a servo, None where all or several are meant."""
     known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())

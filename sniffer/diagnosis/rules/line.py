@@ -12,7 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.placed import finding_of, is_talk
 from sniffer.diagnosis.rules.jumps import altered_bare
 from sniffer.diagnosis.twins import of_twins
 from sniffer.diagnosis.uart import FALLS
@@ -134,7 +134,7 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
     torn, answered, asked_torn, requests = case.once(_shares)
     total = sum(torn.values()) + asked_torn
-    if total < LEAST:
+    if total < LEAST or not is_talk(case):
         return
     few = singled_out(case)
     for servo in few:
@@ -250,7 +250,7 @@ def strays(case: Case) -> Iterator[Finding]:
     at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
     if sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
         return  # they are what is left of second answers
-    if not case.traffic["requests"].sum():
+    if not case.traffic["requests"].sum() or not is_talk(case):
         return  # no turn is heard, and an answer of a byte (an ACK of RS30x) is none by itself
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
     torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
