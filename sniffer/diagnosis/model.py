@@ -66,6 +66,11 @@ def percent_sure(confidence: float) -> int:
     return min(round(100 * confidence), PERCENT_MOST)
 
 
+def _in_digits(confidence: float) -> float:
+    """Return a confidence as scripts are told it: with three digits, and never 1."""
+    return min(round(confidence, 3), 0.999)
+
+
 class Reason(NamedTuple):
     """One line of the weighing: what a finding counts for a cause, and why.
 
@@ -168,7 +173,7 @@ class Incident:
             "count": self.count,
             "story": self.story,
             "causes": [
-                {"cause": c.cause, "confidence": round(c.confidence, 3), "why": c.why}
+                {"cause": c.cause, "confidence": _in_digits(c.confidence), "why": c.why}
                 for c in self.causes
             ],
             "findings": [

@@ -231,7 +231,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         counts = [str(c["asked"]), str(c["missing"])]
         if shared:
             low, high = c["missing_interval"]
-            counts += [percent(c["missing_share"]), f"{100 * low:.2g}-{percent(high)}"]
+            counts += [percent(c["missing_share"]), f"{number(100 * low)}-{percent(high)}"]
         table.add_row(
             who_of(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
         )
