@@ -6,12 +6,14 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import pytest
+
 from sniffer.mcapfile.sink import McapSink
-from sniffer.reports.markup import text
+from sniffer.reports.markup import sentence, text
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.render import candump, frame_reads
 from tests.recordings import talk as simulated
-from tests.test_report import Reader, page_of
+from tests.test_report import DAMAGED, Reader, page_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,3 +57,21 @@ def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
 def test_an_arrow_is_one_sign_that_no_end_of_a_line_breaks() -> None:
     assert text("servo 4 heats up -> servo 4 reports it") == "servo 4 heats up → servo 4 reports it"
     assert text("a->b <- c") == "a-&gt;b &lt;- c"
+
+
+def test_what_stands_between_backticks_is_code_and_still_no_markup() -> None:
+    told = sentence("`sniffer decode x` draws `<script>`, a lone ` stays")
+    assert told == (
+        "<code>sniffer decode x</code> draws <code>&lt;script&gt;</code>, a lone ` stays"
+    )
+
+
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda path: path.stem)
+def test_one_byte_is_drawn_once_of_an_incident(
+    capture: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    page = page_of(capsys, capture, tmp_path)
+    for incident in page.split('<article id="incident-')[1:]:
+        drawn = re.findall(r"<b>([^<]*)</b> byte (\d+): ", incident.split("</article>")[0])
+        assert drawn
+        assert len(drawn) == len(set(drawn))

@@ -51,12 +51,12 @@ def chosen(incident: Incident) -> list[Place]:
 
     One of each finding, then the second ones, and so on: what is alike is shown once.
     """
-    out: dict[tuple[int, int], Place] = {}
+    out: dict[int, Place] = {}
     columns = [f.places for f in incident.findings]
     for nth in range(max(map(len, columns), default=0)):
         for places in columns:
             if nth < len(places) and len(out) < PLACES:
-                out.setdefault(places[nth][:2], places[nth])
+                out.setdefault(places[nth].offset, places[nth])
     return sorted(out.values(), key=lambda place: (place.t_ns, place.offset))
 
 

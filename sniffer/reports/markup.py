@@ -6,6 +6,7 @@ Texts come from captures, and a capture comes from anybody.
 from __future__ import annotations
 
 import html
+import re
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.wording import plain, short
@@ -51,11 +52,17 @@ def tag(name: str, /, *content: Content, **attributes: Content | None) -> Markup
     return Markup(f"<{name}{told}>{''.join(map(text, content))}</{name}>")
 
 
+def sentence(content: Content) -> Markup:
+    """Return a sentence in which what stands between backticks is code."""
+    return Markup(_CODE.sub(r"<code>\1</code>", text(content)))
+
+
 def joined(parts: Iterable[Content]) -> Markup:
     """Return contents one behind the other."""
     return Markup("".join(map(text, parts)))
 
 
+_CODE: Final = re.compile("`([^`]+)`")
 _CLOSED: Final = frozenset({"line", "path", "rect"})
 
 

@@ -19,7 +19,7 @@ from sniffer.reports.boxes import drawing
 from sniffer.reports.content import SOUND, tale
 from sniffer.reports.curves import STEPS_S, Charts
 from sniffer.reports.histograms import TimeScale, histogram
-from sniffer.reports.markup import Markup, joined, tag
+from sniffer.reports.markup import Markup, joined, sentence, tag
 from sniffer.reports.shapes import shape
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _verdict(content: Content) -> Markup:
     broken = [tag("p", f"The input broke off: {content.damage}")] if content.damage else []
     judged = tag("p", f"Judged on {content.judged}.", cls="dim")
     left = f"No cause can be told of {content.rest.told}."
-    act = tag("p", tag("b", "Do next: "), content.rest.next, cls="next")
+    act = tag("p", tag("b", "Do next: "), sentence(content.rest.next), cls="next")
     rest = [tag("p", left), act] if content.rest.told else []
     if worst is None:
         told = [tag("h2", "No incident"), *(rest or [tag("p", SOUND)])]
@@ -134,9 +134,9 @@ def _verdict(content: Content) -> Markup:
         "section",
         tag("h2", shape(worst.severity), f" {content.titled(worst)}"),
         tag("p", tale(worst), cls="story"),
-        tag("p", tag("b", "Do next: "), worst.next, cls="next"),
+        tag("p", tag("b", "Do next: "), sentence(worst.next), cls="next"),
         *([tag("p", tag("a", f"and {more}", href="#incidents"))] if others else []),
-        *(tag("p", each.told) for each in content.shared),
+        *(tag("p", sentence(each.told)) for each in content.shared),
         *rest,
         *broken,
         judged,
@@ -198,19 +198,19 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
             tag("td", f"{c.percent} %", cls="number"),
             tag("td", tag("span", style=f"width:{c.percent}%"), cls="share"),
             tag("td", tag("b", c.cause)),
-            tag("td", c.why),
+            tag("td", sentence(c.why)),
         )
         for c in incident.likely[:LIKELY]
     ]
     found = [
-        tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", f.what))
+        tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", sentence(f.what)))
         for f in incident.findings[:FINDINGS]
     ]
     parts = [
         tag("h3", shape(incident.severity), f" {incident.number}. {content.titled(incident)}"),
         tag("p", " · ".join(facts), cls="dim"),
         tag("p", tale(incident), cls="story"),
-        tag("p", tag("b", "Do next: "), incident.next, cls="next"),
+        tag("p", tag("b", "Do next: "), sentence(incident.next), cls="next"),
         tag("h4", "Causes that were weighed"),
         _wide(tag("table", tag("tbody", *causes), cls="causes")),
         *([tag("p", incident.against)] if incident.against else []),
@@ -231,7 +231,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
 def _exhibit(exhibit: Exhibit, clock: Clock) -> Markup:
     place = exhibit.place
     when = words.moment(place.t_ns, clock)
-    caption = tag("figcaption", tag("b", when), f" byte {place.offset}: {place.what}")
+    caption = tag("figcaption", tag("b", when), sentence(f" byte {place.offset}: {place.what}"))
     return tag(
         "figure",
         caption,
@@ -385,7 +385,7 @@ def _more(n: int, what: str, how: str = "") -> Iterator[Markup]:
     if n > 0:
         one = what.removesuffix("es" if what == "buses" else "s")
         told = f"and {n} further {what if n > 1 else one}"
-        yield tag("p", f"{told}: {how}." if how else f"{told}.", cls="dim")
+        yield tag("p", sentence(f"{told}: {how}." if how else f"{told}."), cls="dim")
 
 
 def _wide(table: Markup) -> Markup:
