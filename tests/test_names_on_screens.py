@@ -74,6 +74,20 @@ def test_a_narrow_list_has_names_in_place_of_the_bus(index: CaptureIndex) -> Non
         assert (told.bus in text) == (who == "  1 leg ")
 
 
+def test_names_that_begin_alike_are_told_apart_by_their_ends(tmp_path: Path) -> None:
+    """Of two buses both were "1 left_shou…", and nothing said which bus it was."""
+    told = ("--name", "arm:1=left_shoulder_pitch", "--name", "leg:1=left_shoulder_roll")
+    one = indexed(two_buses(tmp_path, *told))
+    lines = FrameList(LineView(one))
+    shown = set()
+    for bus in ("arm", "leg"):
+        row = line_words(one, lines_of(one, bus, 1)[0])
+        cells = (" ", row.bus, row.servo, row.kind, row.op, row.values, row.verdict, "0")
+        shown.add(lines._laid(cells, "22:55:06.001", 80, shift=0)[13:28].strip())
+    one.discard()
+    assert shown == {"1 …der_pitch", "1 …lder_roll"}
+
+
 def test_what_was_found_in_a_line_names_the_servo(index: CaptureIndex) -> None:
     told = []
     for row in range(len(index.found)):

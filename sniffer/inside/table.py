@@ -15,7 +15,7 @@ from textual.strip import Strip
 
 from sniffer.ground.moments import of_day
 from sniffer.inside.words import DELTA, TIMES, LineWords, line_words, since
-from sniffer.sinks.words import fit
+from sniffer.sinks.words import fit, told_apart
 
 if TYPE_CHECKING:
     from textual import events
@@ -223,11 +223,10 @@ class FrameList(ScrollView, can_focus=True):
         number, _, name = servo.partition(" ")
         if not self.view.index.names:
             return number.rjust(3)
-        most = NAMES if wide else SHORT_NAMES
-        text = f"{number:>3} {name or ('' if wide else bus)}"
-        room = min(max(map(cell_len, names)) + 4, most)
-        fits = cell_len(text) <= room
-        return set_cell_size(text, room) if fits else set_cell_size(text, room - 1) + "…"
+        room = min(max(map(cell_len, names)), (NAMES if wide else SHORT_NAMES) - 4)
+        told = told_apart({name: name for name in names}, room)
+        name = name or ("" if wide else bus)
+        return set_cell_size(f"{number:>3} {told.get(name, name)}", room + 4)
 
     def _laid(self, cells: tuple[str, ...], time: str, width: int, *, shift: int) -> str:
         """Lay cells out; the values get what is left of the width."""

@@ -20,7 +20,7 @@ from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.intime import FIRST_NS, READ, InTime
 from sniffer.sinks.report import print_summary, selected
-from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
+from sniffer.sinks.words import FrameWords, fit, selected_in_words, told_apart, took_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -145,7 +145,7 @@ class TextSink:
         least, most = BUS_WIDE if self._wide else BUS
         room = max(least, *map(len, shown.values()))
         room = min(room, most) if self._is_cut else room
-        self._shown.update(_told_apart(shown, room))
+        self._shown.update(told_apart(shown, room))
         time, *_, kind, command, verdict = WIDTHS if self._wide else NARROW
         before = [time + self._more, *[room] * self._with_bus, self._ids, kind, command]
         left = max(self._width - sum(n + 1 for n in (*before, verdict)), 12)
@@ -341,13 +341,6 @@ HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 def _day_of(t_ns: int) -> int | None:
     """Return the number of a time's day, None of one that tells no day."""
     return None if t_ns < DATED_NS else t_ns // DAY_NS
-
-
-def _told_apart(shown: Mapping[str, str], room: int) -> dict[str, str]:
-    """Return names of buses that have room: where they begin alike, their ends."""
-    begins = {bus: fit(name, room).rstrip() for bus, name in shown.items()}
-    ends = {bus: n if len(n) <= room else f"…{n[1 - room :]}" for bus, n in shown.items()}
-    return max(begins, ends, key=lambda names: len(set(names.values())))
 
 
 def _system(console: Console) -> Any:

@@ -15,7 +15,7 @@ from sniffer.ground.wording import plain
 from sniffer.sinks.kept import Kept, OfProtocol, packed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.ground.model import Batch, Samples
     from sniffer.ground.registers import Register
@@ -44,6 +44,13 @@ def fit(text: str, width: int) -> str:
         if at > 0:
             return (text[: at + len(between)] + "…").ljust(width)
     return text[: width - 1] + "…"
+
+
+def told_apart(shown: Mapping[str, str], room: int) -> dict[str, str]:
+    """Return names that have room, by what they are of: where they begin alike, their ends."""
+    begins = {one: fit(name, room).rstrip() for one, name in shown.items()}
+    ends = {one: n if len(n) <= room else f"…{n[1 - room :]}" for one, n in shown.items()}
+    return max(begins, ends, key=lambda names: len(set(names.values())))
 
 
 def _value(register: Register, raw: int, value: float, part: int) -> str:
