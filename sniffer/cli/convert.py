@@ -123,7 +123,7 @@ def convert(
         raise click.UsageError(
             f"FILE is one capture, and {name_of(str(read))} would be written, not read; "
             "`sniffer merge A B -o OUT` makes one recording of several, --together reads several "
-            "as one capture"
+            "as one capture; what is to be written anew stands behind -o each"
         )
     outputs = (*outputs, *also)
     if not outputs:
