@@ -6,12 +6,15 @@ import csv
 import io
 import itertools
 import json
+import re
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import sniffer
-from sniffer.decoding.rows import FrameRow
+from sniffer.decoding.rows import FrameRow, GapRow
 from tests.commands import within
 from tests.golden import CAPTURES
 from tests.test_stats import MS, counted, exchange
@@ -44,6 +47,51 @@ def test_a_servo_was_heard_first_and_last_when_its_frames_say(
         low, high = s["longest_pause"]["value_ns"]
         longest = max(b.t_ns - a.t_ns for a, b in itertools.pairwise(rows))
         assert low <= longest <= high
+
+
+@pytest.mark.parametrize("capture", ["mightyzap_damaged.log", "lss_damaged.log", "wck_clean.log"])
+def test_the_longest_silence_of_a_bus_is_between_two_things_that_were_heard(
+    capture: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard = [
+        row for row in sniffer.decode(CAPTURES / capture) if isinstance(row, FrameRow | GapRow)
+    ]
+    heard.sort(key=lambda row: row.offset)
+    (bus,) = json.loads(within(capsys, "stats", CAPTURES / capture, "--format", "json").out)[
+        "buses"
+    ]
+    silence, ns = bus["longest_silence"], 10 * 10**9 // bus["baud"]
+    apart = [(b.t_ns - len(b.hex) // 2 * ns - a.t_ns, a) for a, b in itertools.pairwise(heard)]
+    longest, before = max(apart, key=lambda each: each[0])
+    assert (silence["t_ns"], silence["offset"]) == (before.t_ns, before.offset)
+    low, high = silence["value_ns"]
+    assert low - MS // 10 <= longest <= high + MS // 10
+    shown = within(capsys, "stats", CAPTURES / capture).out
+    since = (before.t_ns - bus["first_ns"]) / 1e9
+    assert re.search(rf" s, silent for \S+ ms at most, from second {since:.3f} on\n", shown)
+
+
+@given(cuts=st.lists(st.integers(1, 10**6), max_size=6))
+@settings(max_examples=15)
+def test_the_longest_silence_is_the_same_however_the_stream_is_cut(cuts: list[int]) -> None:
+    chunks = [c for k, t in enumerate((0, 40, 300, 320, 900)) for c in exchange(t, k)]
+    (bus,) = counted("mightyzap", chunks, cuts, 57600)["buses"]
+    (whole,) = counted("mightyzap", chunks, baud=57600)["buses"]
+    assert bus["longest_silence"] == whole["longest_silence"]
+    low, high = whole["longest_silence"]["value_ns"]
+    assert low <= 580 * MS
+    assert high >= 565 * MS
+
+
+@pytest.mark.parametrize(
+    ("capture", "protocol"),
+    [("lss_clean.bin", "lss"), ("mightyzap_damaged.log", "mightyzap+rs30x")],
+)
+def test_no_silence_is_told_without_a_clock_or_of_a_bus_that_two_protocols_share(
+    capture: str, protocol: str
+) -> None:
+    told = sniffer.stats(CAPTURES / capture, sniffer.Options(protocol=protocol)).as_dict()
+    assert [bus["longest_silence"] for bus in told["buses"]] == [None]
 
 
 def test_a_servo_that_never_answered_was_never_heard() -> None:

@@ -169,7 +169,7 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
     if load is None:
         yield "no clock in the input: no rates and no times"
         return
-    yield f"over {bus['seconds']:.3f} s"
+    yield f"over {bus['seconds']:.3f} s{_silent(bus)}"
     told, shares, width_ns = f"load {percent(load['mean'])}", load["shares"], load["slice_ns"]
     if max(shares) > load["mean"]:  # else nothing was heard in a whole slice
         told += f", at most {percent(load['peak'])} in "
@@ -180,6 +180,15 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
     yield f"{told}  {drawn}" if together else told
     if not together:
         yield drawn
+
+
+def _silent(bus: Mapping[str, Any]) -> str:
+    """Return for how long nothing was heard at most, and since when."""
+    silence = bus["longest_silence"]
+    if silence is None:
+        return ""
+    since = seconds_of(silence["t_ns"], bus["first_ns"], bus)
+    return f", silent for {ms_of(silence, 'value_ns')} ms at most, from second {since} on"
 
 
 def _named(bus: Mapping[str, Any]) -> str:

@@ -99,6 +99,32 @@ class AnswerColumns(NamedTuple):
 
 
 @dataclass(slots=True)
+class BusSilence:
+    """The longest time for which nothing was heard on a bus, frame or noise, between two of them.
+
+    ``longest`` is from the end of the one to the begin of the other.
+    """
+
+    longest: PauseHeard | None = None
+    _last: AnswerHeard | None = None
+
+    def hear(self, begun: I64, said: AnswerColumns) -> None:
+        """Take what was said next, in the order of the wire; ``said`` are its ends."""
+        if not len(begun):
+            return
+        if self._last is not None:
+            said = AnswerColumns(*(np.append(a, b) for a, b in zip(self._last, said, strict=True)))
+            begun = np.append(self._last.t_ns, begun)
+        apart = begun[1:] - said.t_ns[:-1]
+        apart[(said.spread_ns[1:] < 0) | (said.spread_ns[:-1] < 0)] = -1
+        i = int(apart.argmax()) if len(apart) else 0
+        if len(apart) and apart[i] > (0 if self.longest is None else self.longest.ns):
+            spread = int(said.spread_ns[i] + said.spread_ns[i + 1])
+            self.longest = PauseHeard(int(apart[i]), spread, said.at(i))
+        self._last = said.at(-1)
+
+
+@dataclass(slots=True)
 class Range:
     """All that is kept of one quantity of a servo in one unit; ``curve`` -1 has none."""
 

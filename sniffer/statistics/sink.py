@@ -6,6 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
@@ -16,6 +18,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
 from sniffer.statistics.exceeding import Exceedings
+from sniffer.statistics.figures import AnswerColumns, BusSilence
 from sniffer.statistics.slices import SliceBook
 from sniffer.statistics.troubles import TroubleBook
 
@@ -49,6 +52,7 @@ class WireBytes:
     """By reason, how many."""
     baud: int = 0
     heard: HeardSpan = field(default_factory=HeardSpan)
+    silence: BusSilence = field(default_factory=BusSilence)
 
     @property
     def bytes(self) -> int:
@@ -66,10 +70,20 @@ class WireBytes:
         return byte_time_ns(self.baud)
 
     def hear(self, protocol: BusProtocol, batch: Batch) -> None:
-        """Take in from when to when frames of any kind were heard."""
-        f = batch.frames
+        """Take in from when to when frames of any kind were heard, and when nothing was."""
+        f, gaps = batch.frames, Gaps.of(batch.gaps)
         if len(f):
             self.heard.take(protocol.name, f)
+        spread = int(f.uncertainty.max()) if len(f) else -1
+        columns = (
+            (f.t_start, gaps.t_ns - gaps.length * self.byte_ns),
+            (f.t_end, gaps.t_ns),
+            (f.uncertainty, np.full(len(gaps), spread)),
+            (f.start + batch.base, gaps.start + batch.base),
+        )
+        begun, *said = (np.concatenate(both) for both in columns)
+        order = np.argsort(said[-1], kind="stable")
+        self.silence.hear(begun[order], AnswerColumns(*(column[order] for column in said)))
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sniffer.statistics.commands import CommandFigures, Slowest
     from sniffer.statistics.cycles import Loop
     from sniffer.statistics.exceeding import ExceedingFigures
-    from sniffer.statistics.figures import Extreme, Presence, ServoFigures
+    from sniffer.statistics.figures import Extreme, PauseHeard, Presence, ServoFigures
     from sniffer.statistics.firstmotion import SlowestStart, StartFigures
     from sniffer.statistics.goalsteps import StepFigures, Unreached
     from sniffer.statistics.lags import Lag
@@ -70,6 +70,8 @@ def _bus(told: Statistics, bus: str) -> dict[str, Any]:
         "first_ns": wire.heard.first_ns,
         "last_ns": wire.heard.last_ns,
         "seconds": wire.span_ns / NS if clocked else None,
+        # of two protocols each is silent while the other speaks
+        "longest_silence": _pause(wire.silence.longest) if clocked and len(lanes) == 1 else None,
         "bytes": wire.bytes,
         "frames": wire.frames,
         "bytes_in_frames": wire.in_frames,
@@ -222,17 +224,17 @@ def _presence(mine: Presence | None) -> dict[str, Any]:
     if mine is None:
         return dict.fromkeys(("first_answer", "last_answer", "longest_pause"))
     ends = {"first_answer": mine.first, "last_answer": mine.last}
-    pause = mine.pause
     return {
         **{name: {"t_ns": end.t_ns, "offset": end.offset} for name, end in ends.items()},
-        "longest_pause": None
-        if pause is None
-        else {
-            "value_ns": list(pause.bounds),
-            "t_ns": pause.behind.t_ns,
-            "offset": pause.behind.offset,
-        },
+        "longest_pause": _pause(mine.pause),
     }
+
+
+def _pause(pause: PauseHeard | None) -> dict[str, Any] | None:
+    if pause is None:
+        return None
+    behind = pause.behind
+    return {"value_ns": list(pause.bounds), "t_ns": behind.t_ns, "offset": behind.offset}
 
 
 def _extreme(end: Extreme | None) -> dict[str, Any] | None:
