@@ -31,6 +31,9 @@ SECOND: Final = "duplicate-response"
 """Where two servos share an id, and the second answers when the next servo was asked already, this is
 said of the next one's answer: the fault is not that one's."""
 
+GONE: Final = "port-lost"
+"""The port went away: where it came back, bytes between were lost."""
+
 ONCE: Final = {"adapter-echo": "every request is heard twice, byte for byte (adapter-echo)"}
 """What is told once, however often it is so: the number of times would say nothing."""
 
@@ -48,6 +51,8 @@ def symptoms(case: Case) -> Iterator[Finding]:
         code, servo = case.code(one // SERVOS), one % SERVOS - 1
         if code in SILENT or code in COMPLAINTS:
             continue
+        if code == GONE and alarms["t_first"][rows].min() >= case.last_ns:
+            continue  # nothing was said behind it that could be lost
         count = int(alarms["n"][rows].sum())
         spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])
         who = None if servo < 0 else servo
