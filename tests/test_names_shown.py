@@ -375,3 +375,13 @@ def test_a_place_may_be_that_of_a_servo_by_its_name(both: Path) -> None:
     wrong = sniffer("decode", both, "--from", "@first-error:servo=wirst")
     assert (wrong.status, wrong.out) == (2, "")
     assert "@first-error:servo=wirst: no servo is called 'wirst': did you mean wrist?" in wrong.err
+
+
+def test_registers_have_ids_where_names_have_no_room_and_no_name_is_cut() -> None:
+    told = ("state", DAMAGED, "--name", "1=left_knee", "--name", "2=right_knee")
+    narrow = sniffer(*told, env={"COLUMNS": "80"}).out
+    assert narrow.splitlines()[1] == "servos: 1 left_knee, 2 right_knee"
+    assert " model_number                  1, 2, 3 12 " in narrow
+    wide = sniffer(*told, env={"COLUMNS": "140"}).out
+    assert "servos: " not in wide
+    assert "model_number                   1 left_knee, 2 right_knee, 3  12 " in wide

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sniffer.decoding.called import SERVO_NAME
 from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
+from sniffer.sinks.consoles import glued
 from sniffer.sinks.tabulated import ServoCell, number
 from sniffer.statistics.told import OF_SERVOS
 
@@ -18,7 +19,7 @@ def who_of(row: Mapping[str, Any], *, many: bool = False) -> str | ServoCell:
     """Return whose a row is; ``many``: the bus has several protocols."""
     who = "-" if row["servo_id"] is None else str(row["servo_id"])
     who = f"{row['protocol']} {who}" if many else who
-    return ServoCell(who, row[SERVO_NAME]) if SERVO_NAME in row else who
+    return ServoCell(who, glued(f"{who} {row[SERVO_NAME]}")) if SERVO_NAME in row else who
 
 
 def left_of(bus: Mapping[str, Any], *columns: str) -> tuple[str, ...]:

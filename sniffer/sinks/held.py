@@ -16,7 +16,7 @@ from sniffer.ground.units import word_of
 from sniffer.ground.wording import plain, short
 from sniffer.protocols.ids import shared_ids
 from sniffer.sinks.consoles import console_for, glued, tables_in, unpadded
-from sniffer.sinks.tabulated import Tabulated, number
+from sniffer.sinks.tabulated import ServoCell, Tabulated, called, number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,12 +58,19 @@ def _print_bus(
 ) -> None:
     title = f"{mine[0].bus}: {mine[0].protocol.name}, what registers held"
     console.print(Text(short(plain(title)), style="bold"))
-    for role, heading in _HEADINGS.items():
-        rows = [held for held in mine if held.register.role == role]
-        if rows:
-            console.print()
-            console.print(Text(f" {heading}", style="dim"))
-            console.print(_table(rows, names, began_ns).table(None, width))
+    tables = {
+        heading: _table(rows, names, began_ns)
+        for role, heading in _HEADINGS.items()
+        if (rows := [held for held in mine if held.register.role == role])
+    }
+    if any(table.lacks_names(None, width) for table in tables.values()):
+        bus = mine[0].bus
+        told = {held.servo_id: names.of(bus, held.servo_id) for held in mine}
+        console.print(Text(called({servo: name for servo, name in told.items() if name})))
+    for heading, table in tables.items():
+        console.print()
+        console.print(Text(f" {heading}", style="dim"))
+        console.print(table.table(None, width))
 
 
 def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
@@ -91,13 +98,15 @@ def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None
     return table
 
 
-def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str:
+def _whose(mine: Sequence[HeldRegister], names: ServoNames) -> str | ServoCell:
     everyone = {who for held in mine for who in shared_ids(held.protocol)}
-    told = [
-        "all" if held.servo_id in everyone else glued(names.label(held.bus, held.servo_id))
-        for held in mine
+    alone = ["all" if held.servo_id in everyone else str(held.servo_id) for held in mine]
+    named = [
+        who if who == "all" else glued(names.label(held.bus, held.servo_id))
+        for who, held in zip(alone, mine, strict=True)
     ]
-    return ", ".join(told)
+    told, full = ", ".join(alone), ", ".join(named)
+    return told if told == full else ServoCell(told, full)
 
 
 def _shown(held: HeldRegister, said: StatedValue) -> str:

@@ -19,13 +19,13 @@ ROOMY: Final = 100
 
 
 class ServoCell(NamedTuple):
-    """Whose a row is, with what the servo is called where the table has room for that."""
+    """Whose a row is, and that with what servos are called, for tables that have the room."""
 
     who: str
-    name: str
+    named: str
 
     def __str__(self) -> str:
-        return glued(f"{self.who} {self.name}")
+        return self.named
 
 
 class Tabulated:
@@ -73,7 +73,10 @@ class Tabulated:
             k for row in self.rows[:most] for k, c in enumerate(row) if isinstance(c, ServoCell)
         }
         for k, column in enumerate(self._columns):
-            if column in self._whole or k in named:
+            if k in named and column in self._left:  # none of several names is cut
+                least = None if bare else self._least(column, [row[k] for row in self.rows[:most]])
+                out.add_column(column, overflow="fold", min_width=least)
+            elif column in self._whole or k in named:
                 out.add_column(column, no_wrap=True)
             elif column in self._left:
                 out.add_column(column, overflow="fold")
