@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -120,8 +120,9 @@ def result(
     gaps = sum(b.bytes_in_gaps for b in totals)
     anomalies = sum(sum(b.codes.values()) for b in totals)
     tell.talk(
-        f"{size} bytes {'recorded' if keeps_all else 'heard'}, {frames} frames, "
-        f"{gaps} bytes in no frame, {anomalies} {'anomaly' if anomalies == 1 else 'anomalies'}"
+        f"{counted(size, 'byte')} {'recorded' if keeps_all else 'heard'}, "
+        f"{counted(frames, 'frame')}, {counted(gaps, 'byte')} in no frame, "
+        f"{anomalies} {'anomaly' if anomalies == 1 else 'anomalies'}"
         f"{_where(None if file is None else file.files)}"
     )
     by_bus: dict[str, int] = {}
