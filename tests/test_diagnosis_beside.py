@@ -177,6 +177,35 @@ def test_a_device_that_nobody_ever_asks_speaks_unasked(protocol: str) -> None:
     assert verdicts(told.incidents()) == [("chatty-device", (9,))]
 
 
+@pytest.mark.parametrize("each", [1, 12])
+def test_a_stranger_that_is_heard_where_another_ones_answer_is_due_speaks_unasked(
+    each: int,
+) -> None:
+    """Who waits long for a servo that is away hears then most of what anybody says unasked.
+
+    Who is heard each time answers: another id was given to the servo that is asked.
+    """
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(3)
+        if cycle % each == each // 2:
+            talk.say(talk.tongue.answer(9, 0.4))
+        talk.rest(12)
+        return True
+
+    def alone(talk: Conversation, cycle: int) -> None:
+        if cycle in (100, 150):
+            talk.rest(3)
+            talk.say(talk.tongue.answer(9, 0.4))
+
+    told = robot("mightyzap", 10, rate_hz=20, instead=instead, behind=alone, goals=False)
+    causes = {cause for cause, _ in verdicts(told.diagnosed().incidents())}
+    assert ("chatty-device" in causes) == (each > 1)
+
+
 def _acks(
     of: Callable[[int], bool], *, late: bool = False
 ) -> Callable[[Conversation, int, int], bool]:

@@ -172,6 +172,17 @@ def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
     assert not d.incidents()
 
 
+@pytest.mark.parametrize(("begins", "torn", "jumped"), [("D-118", "", True), ("", "D-1#18", False)])
+def test_a_line_that_the_capture_begins_within_makes_no_value_doubtful_and_a_torn_one_does(
+    begins: str, torn: str, *, jumped: bool
+) -> None:
+    jumps = polled(
+        lambda t: 150.0 if abs(t - 5) < 0.01 or abs(t - 7) < 0.01 else 10 + t, lambda t: None
+    )
+    d = lss(*([(0.0, begins)] * bool(begins)), *jumps, *([(9.03, torn)] * bool(torn)))
+    assert verdicts(d.incidents()) == [("position-jump", (5,))] * jumped
+
+
 def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() -> None:
     later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
     d = heard([*places(*SOUND[:50]), *later], "mightyzap")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -95,6 +96,30 @@ def test_a_loop_that_has_two_bits_alike_in_all_it_says_is_not_read_so_for_noise(
             data[rng.randrange(3, len(data))] ^= 1 << rng.randrange(8)
         loop.say(bytes(data))
     assert "bits-read-twice" not in codes(loop.diagnosed())
+
+
+def test_one_command_with_a_wrong_checksum_amid_sound_talk_is_no_other_rate() -> None:
+    """All it says, and what is wrong besides, may have two bits alike: 40 values are soon said."""
+    wrong = bytes.fromhex("FF FF FF 19 04 F3 81 03 94")  # not inverted
+    loop = Conversation("mightyzap")
+    said = [c.data for c in robot("mightyzap", 40, servos=(25,), goals=False).chunks]
+    asked = [
+        pair
+        for pair in zip(said[::2], said[1::2], strict=True)
+        if all(not (v >> 5 ^ v >> 6) & 1 for v in b"".join(pair))
+    ]
+    assert len({*b"".join(itertools.chain(*asked))}) > 40
+    for k, (request, answer) in enumerate(3 * asked):
+        loop.rest(20)
+        loop.say(request)
+        loop.rest(0.5)
+        loop.say(answer)
+        if k % 40 == 3:
+            loop.rest(0.5)
+            loop.say(wrong)
+    told = loop.diagnosed()
+    assert "bits-read-twice" not in codes(told)
+    assert verdicts(told.incidents())[:1] == [("malformed-command", (25,))]
 
 
 @in_turn(3)

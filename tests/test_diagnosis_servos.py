@@ -205,19 +205,25 @@ def test_answers_to_writes_of_which_most_are_torn_are_not_said_unasked() -> None
     assert "speaks-unasked" not in codes(talk.diagnosed())
 
 
-def test_an_alarm_that_two_senders_make_of_each_others_frames_is_no_servos() -> None:
+@pytest.mark.parametrize(
+    ("torn_each", "each", "times", "strength"),
+    [(3, 30, 16, BY_CHANCE), (60, 1000, 1, BY_CHANCE), (1000, 1000, 1, 0.8)],
+)
+def test_an_alarm_that_two_senders_make_of_each_others_frames_is_no_servos(
+    torn_each: int, each: int, times: int, strength: float
+) -> None:
     """F2 and 8C of a read, each with its highest bit fallen, are an answer with four alarms."""
 
     def beside(talk: Conversation, cycle: int) -> None:
-        if cycle % 3 == 0:
+        if cycle % torn_each == 0:
             talk.say(mightyzap.packet(1, 0xF2, b"\x8c\x02")[:-1])  # torn elsewhere, too
-        if cycle % 30 == 4:
+        if cycle % each == 4:
             talk.say(mightyzap.packet(2, 0x72, b"\x0c\x02"))
         talk.rest(5)
 
     told = found(robot("mightyzap", 12, behind=beside).diagnosed())
     (overload,) = (f for f in told if f.code == "device-overload")
-    assert (overload.count, overload.strength) == (16, BY_CHANCE)
+    assert (overload.count, overload.strength) == (times, strength)
 
 
 @pytest.mark.parametrize(("gone", "asks"), [((1, 2, 3), "all of them share"), ((2,), "its power")])

@@ -291,11 +291,17 @@ def one_question(case: Case) -> Iterator[Finding]:
 def _comes_first(case: Case, servo: int, kind: int) -> bool:
     """Tell whether most of the time between the requests to a servo is over before one of them.
 
-    Where it is asked several things in one go, whatever begins between begins with the first.
+    Where it is asked several things in one go, whatever begins between begins with the first. What
+    it is told without an answer, as goals of LSS are, begins no silence.
     """
-    mine = np.flatnonzero(np.array(case.ledger.exchanges.kinds.servo_id, np.int64) == servo)
+    exchanges = case.ledger.exchanges
+    mine = [
+        k
+        for k in np.flatnonzero(np.array(exchanges.kinds.servo_id, np.int64) == servo).tolist()
+        if k == kind or exchanges.spans.count(k)
+    ]
     before = total = 0
-    for t, kinds in case.ledger.exchanges.moments.stretches():
+    for t, kinds in exchanges.moments.stretches():
         to_it = np.isin(kinds, mine)
         rest = np.diff(t[to_it])
         total += int(rest.sum())

@@ -113,7 +113,8 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
 
     Of frames that are torn some hold by chance, and say anything: as seldom, and not in the next answer,
     or in the name of who never answers, or, where two senders tear them alike, time and again, and
-    seldom as an answer that is due.
+    seldom as an answer that is due. A request that lost the first bit of its command in an overlay
+    (F2 as 72) is one that nobody asked for, with four alarms.
     """
     is_torn = int(case.damage["n"].sum()) >= TORN
     said = case.anomalies(code, servo_id=servo).t_ns
@@ -123,10 +124,11 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     is_over[is_over] = back[behind[is_over]] <= said[is_over] + MOMENT_NS
     if is_torn and is_over.all() and (count == 1 or may_be_torn(case, count)):
         return BY_CHANCE
+    stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
     if count == 1:
         is_nobody = is_torn and bool(case.answering) and servo not in case.answering
-        return BY_CHANCE if is_nobody else 0.8
-    stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
+        is_unasked = may_be_torn(case, count) and bool(np.isin(said, stray).all())
+        return BY_CHANCE if is_nobody or is_unasked else 0.8
     is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
     return BY_CHANCE if is_torn else 1.0
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import TORN
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.returns import TURN
 from sniffer.diagnosis.steps import SPEED
@@ -208,7 +209,7 @@ def _is_too_fast(case: Case, p: Series, s: Leap) -> bool:
 def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding:
     first = jumps[0]
     # damage that passes for a value comes with damage that does not
-    guarded = case.has_checksum or (len(jumps) > 1 and not len(case.damage["n"]))
+    guarded = case.has_checksum or (len(jumps) > 1 and not case.count(*TORN))
     to = f"{p.told(first.before / MILLI)} to {p.told(first.after / MILLI)}"
     took = f" within {first.took_ns / 1e6:.0f} ms" if case.has_clock else ""
     often = "" if len(jumps) == 1 else f", {len(jumps)} times"

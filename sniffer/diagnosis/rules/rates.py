@@ -13,6 +13,7 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, is_even, repeated
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.forms import same_bytes
 from sniffer.diagnosis.uart import MIDDLE
 from sniffer.diagnosis.unclaimed import first_low
 from sniffer.ground.timing import byte_time_ns
@@ -48,7 +49,7 @@ FINDINGS: Final = (
         "bits-read-twice",
         "line",
         "A bit of every byte has the value of the bit before it, whoever speaks: it was read twice, as the line is a little slower than the receiver.",
-        "A hundredth of the bytes or more in no frame; in all bytes but one in a thousand, in frames or not, of sixteen values or more, the same bits are like their neighbours, as one rate has it, and all others differ from theirs now and then.",
+        "A hundredth of the bytes or more in no frame; in all bytes but one in a thousand, in frames or not, of sixteen values or more, the same bits are like their neighbours, as one rate has it, and all others differ from theirs now and then; not where nine tenths hold, and what does not is the same bytes again and again.",
     ),
 )
 
@@ -76,6 +77,10 @@ PLENTY: Final = 500
 
 TORN: Final = 0.01
 """Part of the bytes in no frame at least: where all holds, alike bits are what is said."""
+
+MOSTLY: Final = 0.9
+"""Part of the bytes in frames from which on the same bytes that are no frame, again and again, were
+sent so: a rate that is off tears frames of all kinds, each by what it says."""
 
 VARIED, MANY = 16, 40
 """Different values in which bits are alike, in one of two ways; LSS says no more with few servos."""
@@ -186,6 +191,8 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     total, head = case.ledger.bytes, np.frombuffer(case.ledger.head, np.uint8)
     lost = int(case.line["gap_bytes"].sum())
     if total < LEAST or lost < TORN * total:
+        return
+    if lost < (1 - MOSTLY) * total and any(same_bytes(case)):
         return
     values = len(np.unique(head))
     if values < VARIED:

@@ -50,7 +50,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer (then those count, too, that stand now and then where another one's answer is due); where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -109,6 +109,8 @@ def chatty(case: Case) -> Iterator[Finding]:
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, said in case.once(seldom_answered).items():
         unasked[servo] = unasked.get(servo, 0) + said.n
+    for servo, n in _instead_of_others(case).items():
+        unasked[servo] += n
     shares = {s: case.total("asked", s) / max(case.total("asked"), 1) for s in unasked}
     seconds = {s: min(_seconds(case, s, ends), n) for s, n in unasked.items()}
     # who speaks when the line is at rest stands behind whoever was asked last in the cycle
@@ -260,6 +262,23 @@ def _is_stranger(case: Case, servo: int) -> bool:
     """
     answered, asked = case.total("ok"), case.total("asked")
     return not case.total("asked", servo) and answered >= max(UNASKED, USUALLY * asked)
+
+
+def _instead_of_others(case: Case) -> Mapping[int, int]:
+    """Return by stranger how often it is heard where another servo's answer is due.
+
+    A controller that waits long for a servo that is away hears most of what is said unasked
+    meanwhile. Of several strangers, and where a servo mostly answers by that name, nobody knows.
+    """
+    frames = sums(case.traffic, "servo_id", "frames")
+    strangers = [s for s in case.servos if frames.get(s, 0) and _is_stranger(case, s)]
+    asked = sum(case.total("asked", s) for s in case.servos if case.total("mismatched", s))
+    instead = case.total("mismatched")
+    if len(strangers) != 1 or instead > SELDOM * asked:
+        return {}
+    (one,) = strangers
+    alone = int(sums(case.answers, "servo_id", "unsolicited").get(one, 0))
+    return {one: min(instead, frames[one] - alone)} if alone else {}
 
 
 def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
