@@ -14,6 +14,7 @@ import contextlib
 import functools
 import gc
 import importlib
+import io
 import json
 import os
 import pkgutil
@@ -24,10 +25,12 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO, cast
 
 import sniffer
+from sniffer.cli import run
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -40,6 +43,9 @@ _AT_BEGIN: Final = ("PYTHON", "LC_", "LANG")
 _STREAMS: Final = 3
 _LATER: Final = ("pyarrow.parquet", "rerun.blueprint", "duckdb")
 """What the package loads where it is needed."""
+
+_USUAL: Final = (("decode", "--format", "jsonl"), ("decode",), ("stats",), ("diagnose",))
+"""What many commands do, for a capture."""
 
 CLIENT: Final = """#!{python} -ISE
 import _socket, array, json, os, sys
@@ -163,9 +169,19 @@ def _load() -> None:
             importlib.import_module(module.name)
     for name in _LATER:
         importlib.import_module(name)
+    _rehearse()
     assert threading.active_count() == 1, "a forked process would lack the other threads"
     gc.collect()
     gc.freeze()  # else each process had a copy of all that is loaded, by its first collection
+
+
+def _rehearse() -> None:
+    """Do once what many commands do: what is worked out once a process is not, then, by each."""
+    nowhere = io.StringIO()
+    with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+        for capture in sorted(ROOT.glob("sample_captures/*_manual.*")):
+            for command, *options in _USUAL:
+                assert run([command, str(capture), *options]) == 0, nowhere.getvalue()
 
 
 def _serve(address: str, lifeline: int) -> None:
@@ -224,6 +240,7 @@ def _become(told: bytes, streams: Sequence[int]) -> None:
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(env)
+    time.tzset()
     sys.argv[1:] = arguments
     sys.stdin, sys.stdout = _text(0, "r"), _text(1, "w")
     sys.stderr = _text(2, "w", buffering=1, errors="backslashreplace")
