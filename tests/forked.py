@@ -14,6 +14,7 @@ import contextlib
 import functools
 import gc
 import importlib
+import io
 import json
 import os
 import pkgutil
@@ -24,10 +25,12 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NoReturn, TextIO, cast
+from typing import TYPE_CHECKING, Final, TextIO, cast
 
 import sniffer
+from sniffer.cli import run
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -40,6 +43,9 @@ _AT_BEGIN: Final = ("PYTHON", "LC_", "LANG")
 _STREAMS: Final = 3
 _LATER: Final = ("pyarrow.parquet", "rerun.blueprint", "duckdb")
 """What the package loads where it is needed."""
+
+_USUAL: Final = (("decode", "--format", "jsonl"), ("decode",), ("stats",), ("diagnose",))
+"""What many commands do, for a capture."""
 
 CLIENT: Final = """#!{python} -ISE
 import _socket, array, json, os, sys
@@ -163,9 +169,19 @@ def _load() -> None:
             importlib.import_module(module.name)
     for name in _LATER:
         importlib.import_module(name)
+    _rehearse()
     assert threading.active_count() == 1, "a forked process would lack the other threads"
     gc.collect()
     gc.freeze()  # else each process had a copy of all that is loaded, by its first collection
+
+
+def _rehearse() -> None:
+    """Do once what many commands do: what is worked out once a process is not, then, by each."""
+    nowhere = io.StringIO()
+    with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+        for capture in sorted(ROOT.glob("sample_captures/*_manual.*")):
+            for command, *options in _USUAL:
+                assert run([command, str(capture), *options]) == 0, nowhere.getvalue()
 
 
 def _serve(address: str, lifeline: int) -> None:
@@ -177,30 +193,46 @@ def _serve(address: str, lifeline: int) -> None:
     listening = socket.socket(socket.AF_UNIX)
     listening.bind(address)
     listening.listen(64)
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for those who wait for commands
+    running = dict[int, tuple[int, socket.socket]]()
+    """Who is told of each command's end, by what tells of it; to fork once more costs more."""
     os.write(lifeline, READY)
-    while lifeline not in select.select([listening.fileno(), lifeline], [], [])[0]:
+    while lifeline not in (ready := _ready(listening.fileno(), lifeline, *running)):
+        for ended in running.keys() & ready:
+            os.close(ended)
+            _tell_status(*running.pop(ended))
+        if listening.fileno() not in ready:
+            continue
         line, _ = listening.accept()
-        if os.fork() == 0:
-            listening.close()
-            os.close(lifeline)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            _answer(line)
+        told, streams = _received(line)
+        if not (pid := os.fork()):
+            for descriptor in (*running, lifeline):
+                os.close(descriptor)
+            for _, other in (*running.values(), (0, line), (0, listening)):
+                other.close()
+            _become(told, streams)
             return
-        line.close()
+        running[os.pidfd_open(pid)] = pid, line
+        _tell(line, pid)
+        for stream in streams:  # a pipe ends when the command does, not later
+            os.close(stream)
     os._exit(0)
 
 
-def _answer(line: socket.socket) -> None:
-    """Fork once more: one waits and tells the status, the other returns, as it was told."""
+def _ready(*descriptors: int) -> list[int]:
+    return select.select(descriptors, [], [])[0]
+
+
+def _received(line: socket.socket) -> tuple[bytes, Sequence[int]]:
+    """Return command line, folder and environment as they are told, and the streams."""
     size, streams, _, _ = socket.recv_fds(line, 4, _STREAMS)
     told = b""
-    while len(told) < int.from_bytes(size, "big"):
-        told += line.recv(1 << 20)
-    if pid := os.fork():
-        line.sendall(pid.to_bytes(4, "big"))
-        _wait(pid, line, (*streams, 0, 1, 2))
-    line.close()
+    while len(told) < int.from_bytes(size, "big") and (part := line.recv(1 << 20)):
+        told += part
+    return told, streams
+
+
+def _become(told: bytes, streams: Sequence[int]) -> None:
+    """Take them over."""
     arguments, folder, env = json.loads(told)
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
@@ -208,22 +240,24 @@ def _answer(line: socket.socket) -> None:
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(env)
+    time.tzset()
     sys.argv[1:] = arguments
     sys.stdin, sys.stdout = _text(0, "r"), _text(1, "w")
     sys.stderr = _text(2, "w", buffering=1, errors="backslashreplace")
 
 
+def _tell_status(pid: int, line: socket.socket) -> None:
+    with line:
+        _tell(line, os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+
+
+def _tell(line: socket.socket, number: int) -> None:
+    with contextlib.suppress(OSError):  # who has called is gone
+        line.sendall(number.to_bytes(4, "big", signed=True))
+
+
 def _text(stream: int, mode: str, buffering: int = -1, errors: str = "strict") -> TextIO:
     return cast("TextIO", open(stream, mode, buffering, "utf-8", errors, closefd=False))
-
-
-def _wait(pid: int, line: socket.socket, streams: Sequence[int]) -> NoReturn:
-    for stream in streams:  # a pipe ends when the command does, not later
-        os.close(stream)
-    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-    with contextlib.suppress(OSError):  # who has called is gone
-        line.sendall(status.to_bytes(4, "big", signed=True))
-    os._exit(0)
 
 
 if __name__ == "__main__":

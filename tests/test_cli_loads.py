@@ -29,7 +29,7 @@ def test_help_loads_no_command_and_nothing_that_reckons() -> None:
 
 
 ROOT = Path(__file__).parents[1]
-HEAVY = ("tomllib", "tempfile", "importlib.metadata", "serial", "mcap")
+HEAVY = ("tomllib", "tempfile", "shutil", "importlib.metadata", "serial", "mcap")
 FAR = ("merging", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
 SMALL = "sample_captures/mightyzap_manual.hex"
 

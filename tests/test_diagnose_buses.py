@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from typing import TYPE_CHECKING
@@ -15,14 +16,18 @@ from sniffer.simulation.render import candump, frame_reads
 from tests.commands import within
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
 
-def heard(name: str, protocol: str, *faults: str, seed: int = 1, seconds: float = 12) -> list[str]:
+@functools.cache
+def heard(
+    name: str, protocol: str, *faults: str, seed: int = 1, seconds: float = 12
+) -> Sequence[str]:
     """Return the lines of a log that a bus has, with its faults."""
     struck = [read_fault(fault) for fault in faults]
     frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
-    return candump(frame_reads(frames), name).splitlines()
+    return tuple(candump(frame_reads(frames), name).splitlines())
 
 
 def robot(path: Path, **buses: tuple[str, ...]) -> Path:
@@ -31,7 +36,7 @@ def robot(path: Path, **buses: tuple[str, ...]) -> Path:
     return beside(path, *(heard(bus, "mightyzap", *f, seed=n) for n, (bus, f) in seeds))
 
 
-def beside(path: Path, *buses: list[str]) -> Path:
+def beside(path: Path, *buses: Sequence[str]) -> Path:
     """Write what is heard of buses side by side in one log."""
     lines = [line for bus in buses for line in bus]
     lines.sort(key=lambda line: float(line.split(")")[0][1:]))
@@ -186,7 +191,7 @@ def test_a_bus_that_says_nothing_more_while_others_go_on_is_told(
     assert "then nothing" not in told(capsys, few), "no two of them end at once"
 
 
-def at_another_rate(lines: list[str]) -> list[str]:
+def at_another_rate(lines: Sequence[str]) -> list[str]:
     """Return lines in which every byte is another one, always the same: no frame holds."""
     told = (line.rpartition("#") for line in lines)
     return [f"{head}#{bytes(b ^ 0xD5 for b in bytes.fromhex(h)).hex()}" for head, _, h in told]

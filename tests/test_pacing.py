@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections import Counter
 from pathlib import Path
@@ -76,15 +77,12 @@ class Judged:
         """Do nothing."""
 
 
-def bus(name: str, seconds: float = 8, seed: int = 1, **options: int) -> list[TrueFrame]:
-    return list(
-        simulate(
-            name,
-            seed=seed,
-            start_ns=START_NS,
-            duration_s=seconds,
-            **options,  # type: ignore[arg-type]
-        )
+@functools.cache
+def bus(
+    name: str, seconds: float = 8, *, baud: int | None = None, rate_hz: int | None = None
+) -> Sequence[TrueFrame]:
+    return tuple(
+        simulate(name, seed=1, start_ns=START_NS, duration_s=seconds, baud=baud, rate_hz=rate_hz)
     )
 
 

@@ -20,10 +20,10 @@ AND, OR = "AND", "OR"
 """Who pulls low wins (open collector); or who pulls high."""
 
 FINE: Final = 16
-"""Steps of a bit by which the second one may come later, up to a byte; beyond that a quarter."""
+"""Steps of a bit by which the second one may come later, up to a byte; beyond that a quarter.
 
-MIDDLES: Final = (0.5, 0.55)
-"""Where in a bit the tap samples: what happens near the edges is unsure."""
+All edges are that far apart, so wherever near the middle of a bit the tap samples, it sees the same.
+"""
 
 LEAST: Final = 3
 """Bytes that must agree: three by chance are one in ten thousand, with all that is tried."""
@@ -55,13 +55,11 @@ def _mixes(begin: bytes, other: bytes) -> dict[bytes, Mix]:
         second = sent(other, begin=shift)
         for how, of in ((AND, min), (OR, max)):
             edges = both(first, second, of)
-            for middle in MIDDLES:
-                got = bytes(b.value for b in received(edges, middle) if b.t + BITS <= sure)
-                got = got[:MOST]
-                # what only lacks its first bytes is not two
-                lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in (1, 2, 3))
-                if len(got) >= LEAST and bits_wrong(got, begin) >= WRONG and not lacks:
-                    out.setdefault(got, Mix(shift, how))
+            got = bytes(b.value for b in received(edges) if b.t + BITS <= sure)[:MOST]
+            # what only lacks its first bytes is not two
+            lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in (1, 2, 3))
+            if len(got) >= LEAST and bits_wrong(got, begin) >= WRONG and not lacks:
+                out.setdefault(got, Mix(shift, how))
     return out
 
 

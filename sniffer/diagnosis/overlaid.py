@@ -23,6 +23,11 @@ MIDDLE: Final = FINE // 2
 
 BYTE: Final = FINE * BITS
 
+_SAMPLED: Final = tuple(
+    sum((byte >> n & 1) << FINE * n for n in range(BITS - 2)) for byte in range(256)
+)
+"""The bits of each byte where a receiver looks at them."""
+
 
 def of_two(got: bytes, requests: Sequence[bytes]) -> bool:
     """Tell whether two of some requests, one begun within the other, make exactly these bytes.
@@ -79,8 +84,7 @@ def _is_heard(line: int, idle: int, got: bytes) -> bool:
         at = _start(line, falls, at)
         if at < 0:
             return False
-        bits = line >> at + MIDDLE + FINE
-        if any(bits >> FINE * n & 1 != byte >> n & 1 for n in range(BITS - 2)):
+        if (line >> at + MIDDLE + FINE) & _SAMPLED[0xFF] != _SAMPLED[byte]:
             return False
         at += MIDDLE + FINE * (BITS - 1)
     return _start(line, falls, at) < 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
+import stat
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import UndecidedError
@@ -60,7 +60,7 @@ class Aside:
         """
         for path, held in self._held:
             with contextlib.suppress(OSError):
-                shutil.copymode(held, path)
+                path.chmod(stat.S_IMODE(held.stat().st_mode))
             held.unlink(missing_ok=True)
             with contextlib.suppress(OSError):
                 for left in _left(path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -73,6 +72,8 @@ class JsonlSink:
 
     def join(self, piece: Path, told: WrittenElsewhere) -> None:
         """Write what was written elsewhere."""
+        import shutil  # loads what packs files, and most captures have no parts
+
         add_totals(self._summary, told.totals)
         with piece.open(encoding="utf-8", newline="") as told_there, self._guard():
             shutil.copyfileobj(told_there, self._file, 1 << 20)

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import importlib
 import itertools
-from typing import Any
+from typing import Any, Final
 
 from hypothesis import strategies as st
 
 from sniffer.ground.model import Chunk, Clock
 
 TAIL = 40
+
+KEPT: Final = 1 << 14
+"""Packets that are not built anew: talk says the same again and again, and a grammar is slow."""
 
 
 def module(protocol: str) -> Any:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from hypothesis import strategies as st
 
-from tests.streams import damaged
+from tests.streams import KEPT, damaged
 
 EXAMPLES: Final = Path(__file__).parents[2] / "examples" / "protocols"
 NAMES: Final = ("dynamixel1", "dynamixel2", "feetech")
@@ -39,6 +39,7 @@ def loaded(path: Path) -> Any:
     return module
 
 
+@functools.lru_cache(KEPT)
 def packet(
     name: str, servo_id: int, code: int, params: bytes = b"", *, stuffed: bool = True
 ) -> bytes:

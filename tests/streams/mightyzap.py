@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import functools
+
 from hypothesis import strategies as st
 
 from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.protocols.mightyzap.grammar import COMMANDS, PACKET
+from tests.streams import KEPT
 
 BYTES = [0xFF, 0xFF, 0xFF, 0, 1, 2, 3, 4, 7, 0x16, 0x73, 0x86, 0x8C, 0xF2, 0xF3, 0xFE]
 
 
+@functools.lru_cache(KEPT)
 def packet(servo_id: int, code: int, factors: bytes = b"") -> bytes:
     """Build a packet with the grammar."""
     body = {"servo_id": servo_id, "size": len(factors) + 2, "code": code, "factors": factors}

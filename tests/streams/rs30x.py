@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+
 from hypothesis import strategies as st
 
 from sniffer.ground.checksums import XOR8
 from sniffer.protocols.rs30x.grammar import PACKET, REPLIES, RESET_WITH_DATA, RETURN
+from tests.streams import KEPT
 
 BYTES = [
     0xFA,
@@ -31,6 +34,7 @@ BYTES = [
 ]
 
 
+@functools.lru_cache(KEPT)
 def packet(
     servo_id: int,
     flags: int,
@@ -65,6 +69,7 @@ def reset_with_data(servo_id: int, length: int = 0xFF, count: int = 0, flags: in
     return built
 
 
+@functools.lru_cache(KEPT)
 def returned(servo_id: int, address: int, data: bytes, status: int = 0) -> bytes:
     """Build a return packet."""
     body = {"servo_id": servo_id, "flags": status, "address": address, "length": len(data)}
