@@ -145,17 +145,14 @@ NAMED_MOST: Final = 3
 """Files of a capture that its name has; of more it has the first."""
 
 STANDARD_INPUT: Final = "standard input"
-"""What it is called where files have their names."""
 
 
 def inputs_of(source: str | Path | Iterable[str | Path]) -> list[str | Path]:
     """Return the inputs of a capture, of one file or of several; bytes raise an InputError."""
     if isinstance(source, bytes | bytearray | memoryview):
         raise InputError("a path is needed, or several: bytes are for `decode` and `Decoder`")
-    if isinstance(source, str | Path):
-        return [source]
     try:
-        return [*source]
+        return [source] if isinstance(source, str | Path) else [*source]
     except TypeError:
         raise InputError(f"a path is needed, or several, not {source!r}") from None
 
