@@ -120,7 +120,7 @@ class Case:
     @property
     def seconds(self) -> float:
         """How long it was listened to."""
-        return max((self.last_ns - self.first_ns) / NS, 0.0)
+        return self.ledger.heard.ns / NS
 
     @property
     def has_checksum(self) -> bool:

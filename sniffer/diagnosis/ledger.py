@@ -45,6 +45,7 @@ from sniffer.ground.codes import (
     WHOLE,
 )
 from sniffer.ground.gaps import Gaps
+from sniffer.ground.heard import HeardSpan
 from sniffer.ground.milli import in_milli
 from sniffer.ground.model import ECHO, Clock
 from sniffer.ground.timing import byte_time_ns
@@ -81,6 +82,7 @@ class Ledger:
         self.frames = 0
         self.first_ns: int | None = None
         self.last_ns = 0
+        self.heard = HeardSpan()
         self.models: dict[int, tuple[str, int]] = {}
         self.has_wires = False
         """Whether frames came in on wires that are told apart."""
@@ -158,8 +160,8 @@ class Ledger:
             self.has_wires = self.has_wires or bool(f.direction.any())
             if self.has_checksum is None:
                 self._look_for_checksum(batch)
-            if self.first_ns is None:
-                self.first_ns = int(f.t_start[0])
+            self.heard.take(self.protocol.name, f)
+            self.first_ns = self.heard.first_ns
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
             self._traffic(batch)
             self._periods(f)

@@ -1,4 +1,4 @@
-"""From when to when a bus was heard, and how long that was where its clock was set back."""
+"""From when to when a bus was heard, and how long that was where its clock was set."""
 
 from __future__ import annotations
 
@@ -8,31 +8,41 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from sniffer.ground.model import I64, Frames
 
 SET_BACK_NS: Final = NS // 2
 """A time that is so much earlier than the one before was not told late: the clock was set."""
 
 
-def set_back(t_ns: I64, before_ns: int) -> I64:
-    """Return the rows at which the clock was set back; ``before_ns`` is the time in front."""
-    return np.flatnonzero(np.diff(t_ns, prepend=before_ns) < -SET_BACK_NS)
+def was_set(t_ns: I64, before_ns: int) -> I64:
+    """Return the rows at which the clock was set; ``before_ns`` is the time in front.
+
+    It was set back, or it got a date: a computer without a battery counts from 1970 until somebody
+    tells it the time.
+    """
+    before = np.concatenate([[before_ns], t_ns[:-1]])
+    got_a_date = (before < DATED_NS) & (t_ns >= DATED_NS)
+    return np.flatnonzero((t_ns - before < -SET_BACK_NS) | got_a_date)
 
 
 @dataclass(slots=True)
 class HeardSpan:
     """The times of the first and the last frame, in the order of the stream, and how long it was.
 
-    Where the clock was set back, no time passed: 8 s of frames over a clock that is set back by an
-    hour are 8 s. Of protocols that share a wire each has an order of its own.
+    Where the clock was set, no time passed: 8 s of frames over a clock that is set back by an hour
+    are 8 s. Of protocols that share a wire each has an order of its own.
     """
 
     first_ns: int | None = None
     _lasts: dict[str, int] = field(default_factory=dict)
-    _set_back: Counter[str] = field(default_factory=Counter)
+    _set: Counter[str] = field(default_factory=Counter)
+    """By how much it was set back in all."""
 
     @property
     def last_ns(self) -> int | None:
@@ -44,7 +54,7 @@ class HeardSpan:
         """How long it was, none where nothing was heard."""
         if self.first_ns is None or self.last_ns is None:
             return 0
-        return max(self.last_ns - self.first_ns + max(self._set_back.values(), default=0), 0)
+        return max(self.last_ns - self.first_ns + max(self._set.values(), default=0), 0)
 
     def take(self, protocol: str, frames: Frames) -> None:
         """Take frames of a protocol, of which there is one at least."""
@@ -53,9 +63,9 @@ class HeardSpan:
             begun = int(frames.t_start[0])
             self.first_ns = begun if self.first_ns is None else min(begun, self.first_ns)
         last = self._lasts.get(protocol, int(ends[0]))
-        for row in set_back(ends, last).tolist():
+        for row in was_set(ends, last).tolist():
             before = int(ends[row - 1]) if row else last
-            self._set_back[protocol] += before - int(ends[row])
+            self._set[protocol] += before - int(ends[row])
         self._lasts[protocol] = int(ends[-1])
 
     def join(self, more: HeardSpan) -> None:
@@ -64,7 +74,18 @@ class HeardSpan:
             return
         if self.last_ns is None:
             self.first_ns = more.first_ns
-        elif (by := self.last_ns - more.first_ns) > SET_BACK_NS:
-            self._set_back.update(dict.fromkeys(more._lasts, by))
+        elif len(was_set(np.array([more.first_ns]), self.last_ns)):
+            self._set.update(dict.fromkeys(more._lasts, self.last_ns - more.first_ns))
         self._lasts |= more._lasts
-        self._set_back += more._set_back
+        self._set.update(more._set)
+
+
+def span_of(heard: Iterable[HeardSpan]) -> int:
+    """Return how long several buses were heard in all, in ns: from the first to the last of them.
+
+    Of one whose clock was set no time counts that nobody heard.
+    """
+    known = [(h.first_ns, h.ns) for h in heard if h.first_ns is not None]
+    if not known:
+        return 0
+    return max(first + ns for first, ns in known) - min(first for first, _ in known)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
+from sniffer.ground.heard import span_of
 from sniffer.ground.model import Clock
 from sniffer.reports.words import listed
 
@@ -82,6 +83,11 @@ class Content:
             b.heard.last_ns for b in self.summary.buses.values() if b.heard.last_ns is not None
         ]
         return (min(firsts), max(lasts)) if firsts else None
+
+    @property
+    def lasted_ns(self) -> int:
+        """How long it was listened to."""
+        return span_of(b.heard for b in self.summary.buses.values())
 
     def totals_of(self, lane: str) -> BusTotals:
         """Return the totals of what one protocol says on a bus."""

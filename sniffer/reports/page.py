@@ -112,7 +112,7 @@ def _about(content: Content) -> str:
     parts = [f"{bus}: {b.protocol}" for bus, b in content.summary.buses.items()]
     out = [words.listed(parts, 4)]
     if span is not None and content.clock != Clock.NONE:
-        out += [f"from {words.dated(span[0])}", f"over {words.lasting(span[1] - span[0])}"]
+        out += [f"from {words.dated(span[0])}", f"over {words.lasting(content.lasted_ns)}"]
     out.append(counted(sum(b.bytes for b in content.summary.buses.values()), "byte"))
     return ", ".join(out)
 

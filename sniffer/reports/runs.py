@@ -12,6 +12,7 @@ from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
+from sniffer.ground.heard import HeardSpan, span_of
 from sniffer.ground.model import MS, NS, Severity
 from sniffer.mcapfile.fields import field_name, state_field
 from sniffer.statistics.firstmotion import FirstMotions
@@ -75,7 +76,7 @@ class RunFigures:
         self.measured: dict[tuple[Who, str], Thinned] = {}
         self.commanded: dict[tuple[Who, str], Thinned] = {}
         self.settings: dict[tuple[Who, str], set[int]] = {}
-        self.span: dict[str, tuple[int, int]] = {}
+        self.spans: dict[str, HeardSpan] = {}
         self.incidents: tuple[Incident, ...] = ()
         """What a diagnosis says of the run, where all of it is compared."""
         self._tables: frozenset[str] = frozenset(("anomalies", "transactions"))
@@ -97,8 +98,7 @@ class RunFigures:
         f = batch.frames
         self.heard[bus] += len(f)
         if len(f):  # what happens so often does so in all the time
-            begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
-            self.span[bus] = begin, int(f.t_end[-1])
+            self.spans.setdefault(bus, HeardSpan()).take(protocol.name, f)
         self._motion(bus, protocol, batch)
         batch = selected(batch)
         f = batch.frames
@@ -120,15 +120,13 @@ class RunFigures:
     @property
     def seconds(self) -> float:
         """How long the run was."""
-        if not self.span:
-            return 0.0
-        return (max(e for _, e in self.span.values()) - min(b for b, _ in self.span.values())) / NS
+        return span_of(self.spans.values()) / NS
 
     def keep(self, bus: str) -> None:
         """Forget the other buses, of which nothing was selected."""
         self.frames = Counter({bus: self.frames[bus]})
         self.heard, self.rows = Counter({bus: self.heard[bus]}), Counter({bus: self.rows[bus]})
-        self.span = {name: span for name, span in self.span.items() if name == bus}
+        self.spans = {name: span for name, span in self.spans.items() if name == bus}
 
     def rename(self, bus: str, name: str) -> None:
         """Give the only bus another name."""
@@ -138,7 +136,7 @@ class RunFigures:
 
         self.frames = Counter({name: self.frames[bus]})
         self.heard, self.rows = Counter({name: self.heard[bus]}), Counter({name: self.rows[bus]})
-        self.span = dict(zip([name], self.span.values(), strict=False))
+        self.spans = dict(zip([name], self.spans.values(), strict=False))
         self.incidents = tuple(replace(i, bus=name) for i in self.incidents)
         self.requests = Counter({own(w): n for w, n in self.requests.items()})
         self.expected = Counter({own(w): n for w, n in self.expected.items()})

@@ -186,7 +186,7 @@ def recorded(content: Content) -> list[tuple[str, str]]:
         clock = content.clock
         if clock != Clock.NONE:
             out += zip(("from", "to"), map(words.dated, span), strict=True)
-        lasting = words.lasting(span[1] - span[0])
+        lasting = words.lasting(content.lasted_ns)
         out.append(("length", f"{lasting}, nominal" if clock == Clock.NONE else lasting))
     for name, wire in content.collector.wires.items():
         out += ((f"{name}: {key}", value) for key, value in _wire(wire))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 
 from sniffer.ground.amounts import time_as
-from sniffer.ground.heard import set_back
+from sniffer.ground.heard import was_set
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.wording import Sentence
 
@@ -55,7 +55,7 @@ class Spaced:
         Raises:
             OutputError: there are too many rows, for the clock leaps.
         """
-        breaks = set_back(t_ns, self._last_ns).tolist()
+        breaks = was_set(t_ns, self._last_ns).tolist()
         self._last_ns = int(t_ns[-1])
         made = []
         for begin, stop in itertools.pairwise([0, *breaks, len(t_ns)]):

@@ -167,8 +167,7 @@ def name_of(source: str | Path | Sequence[str | Path]) -> str:
     inputs = inputs_of(source)
     if len(inputs) > NAMED_MOST:
         return f"{inputs[0]} and {len(inputs) - 1} more"
-    named = joined(inputs)
-    return STANDARD_INPUT if named == "-" else named
+    return STANDARD_INPUT if (named := joined(inputs)) == "-" else named
 
 
 def open_capture(

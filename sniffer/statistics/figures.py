@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.heard import was_set
 from sniffer.ground.model import Clock
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ class BusSilence:
             begun = np.append(self._last.t_ns, begun)
         apart = begun[1:] - said.t_ns[:-1]
         apart[(said.spread_ns[1:] < 0) | (said.spread_ns[:-1] < 0)] = -1
+        apart[was_set(said.t_ns[1:], int(said.t_ns[0]))] = -1
         i = int(apart.argmax()) if len(apart) else 0
         if len(apart) and apart[i] > (0 if self.longest is None else self.longest.ns):
             spread = int(said.spread_ns[i] + said.spread_ns[i + 1])

@@ -1,4 +1,4 @@
-"""Captures whose clock was set back meanwhile, as logs in local time are at the end of summer."""
+"""Captures whose clock was set meanwhile: back, as logs in local time are, or from 1970 to now."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sniffer
-from sniffer.ground.heard import SET_BACK_NS, HeardSpan, set_back
+from sniffer.ground.heard import SET_BACK_NS, HeardSpan, was_set
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -31,17 +31,43 @@ def summer_ends(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_capture_is_as_long_as_it_was_heard_though_its_clock_was_set_back(
-    summer_ends: Path, capsys: Capsys
+@pytest.fixture
+def told_the_time(tmp_path: Path) -> Path:
+    """A computer without a battery counts from 1970 until somebody tells it the time."""
+    lines = CAPTURE.read_text().splitlines()
+    first = int(lines[0][1:11])
+    early = [
+        re.sub(r"^\((\d+)", lambda t: f"({int(t[1]) - first}", line) for line in lines[:BEFORE]
+    ]
+    path = tmp_path / "booted.log"
+    path.write_text("\n".join([*early, *lines[BEFORE:]]))
+    return path
+
+
+@pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])
+def test_a_capture_is_as_long_as_it_was_heard_though_its_clock_was_set(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: Capsys
 ) -> None:
+    capture: Path = request.getfixturevalue(which)
     want = sniffer.decode(CAPTURE).summary.buses["bus0"].seconds
     assert want is not None
-    told = json.loads(within(capsys, "stats", summer_ends, "--format", "json").out)
+
+    def ran(*command: str | Path) -> str:
+        return within(capsys, *command).out
+
+    (bus,) = json.loads(ran("stats", capture, "--format", "json"))["buses"]
+    judged = sniffer.diagnose(capture).judged[0]["seconds"]
+    runs = json.loads(ran("diff", CAPTURE, capture, "--format", "json"))
     for seconds in (
-        sniffer.decode(summer_ends).summary.buses["bus0"].seconds,
-        told["buses"][0]["seconds"],
+        sniffer.decode(capture).summary.buses["bus0"].seconds,
+        *(bus["seconds"], judged, runs["a"]["seconds"], runs["b"]["seconds"]),
     ):
         assert seconds == pytest.approx(want, abs=0.01)
+    low, _ = bus["longest_silence"]["value_ns"]
+    assert low < 100_000_000
+    ran("report", capture, "-o", tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text("utf-8")
+    assert re.search(r", over 8(\.00\d)? s, 18442 bytes", page)
 
 
 def test_a_part_ends_where_its_end_comes_first(
@@ -54,11 +80,12 @@ def test_a_part_ends_where_its_end_comes_first(
     assert cut == pytest.approx(json.loads(shown.out.splitlines()[-1])["bytes"], abs=100)
 
 
-def test_rows_a_step_apart_go_on_where_the_clock_was_set_back(
-    summer_ends: Path, tmp_path: Path, capsys: Capsys
+@pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])
+def test_rows_a_step_apart_go_on_where_the_clock_was_set(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: Capsys
 ) -> None:
     rows = []
-    for path in (CAPTURE, summer_ends):
+    for path in (CAPTURE, request.getfixturevalue(which)):
         out = tmp_path / f"{path.stem}.csv"
         assert within(capsys, "convert", path, out, "--wide", "--every", "100ms").status == 0
         rows.append(len(out.read_text().splitlines()))
@@ -67,8 +94,8 @@ def test_rows_a_step_apart_go_on_where_the_clock_was_set_back(
 
 def test_stamps_that_overlap_are_no_clock_that_was_set_back() -> None:
     times = np.array([0, SET_BACK_NS, 1, 2, -SET_BACK_NS + 2, -SET_BACK_NS + 1], np.int64)
-    assert set_back(times, SET_BACK_NS).tolist() == []
-    assert set_back(times, SET_BACK_NS + 1).tolist() == [0]
+    assert was_set(times, SET_BACK_NS).tolist() == []
+    assert was_set(times, SET_BACK_NS + 1).tolist() == [0]
 
 
 def test_protocols_of_one_wire_are_told_one_behind_the_other_and_no_clock_was_set() -> None:
