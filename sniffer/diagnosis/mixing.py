@@ -22,8 +22,7 @@ AND, OR = "AND", "OR"
 FINE: Final = 16
 """Steps of a bit by which the second one may come later, up to a byte; beyond that a quarter.
 
-All edges are that far apart, so wherever near the middle of a bit the tap samples, it sees the
-same.
+All edges are that far apart: wherever near the middle of a bit the tap samples, it sees the same.
 """
 
 LEAST: Final = 3
