@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.diagnosis.acting import SURE
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.rules.complaints import BY_CHANCE
 from sniffer.simulation.buses import BUSES, simulate
@@ -224,6 +225,19 @@ def test_an_alarm_that_two_senders_make_of_each_others_frames_is_no_servos(
     told = found(robot("mightyzap", 12, behind=beside).diagnosed())
     (overload,) = (f for f in told if f.code == "device-overload")
     assert (overload.count, overload.strength) == (times, strength)
+
+
+def test_of_a_cause_that_is_not_sure_what_settles_it_comes_next_also_where_it_is_alone() -> None:
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or not 100 <= cycle < 108:
+            return False
+        talk.ask_in_vain(servo, 5)
+        return True
+
+    (incident,) = robot("mightyzap", 10, instead=instead, goals=False).diagnosed().incidents()
+    (cause,) = incident.causes
+    assert (cause.cause, cause.confidence < SURE) == ("brownout", True)
+    assert incident.next.startswith("Measure the voltage")
 
 
 @pytest.mark.parametrize(("gone", "asks"), [((1, 2, 3), "all of them share"), ((2,), "its power")])

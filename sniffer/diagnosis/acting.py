@@ -44,7 +44,8 @@ def next_of(case: Case, explained: Explained) -> str:
     if first.confidence < SURE and (may_be or its_own):
         instead = f" (It may be {may_be[0]} instead.)" if may_be else ""
         return f"{its_own or cause.settle}{where}{instead}"
-    return ((sign and sign.remedy) or told or cause.remedy) + where
+    known = (sign and sign.remedy) or told
+    return (known or (cause.remedy if first.confidence >= SURE else cause.settle)) + where
 
 
 def _where(case: Case, concern: str, servo_ids: tuple[int, ...]) -> str:
