@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
+import sniffer
+from sniffer.decoding.rows import AnomalyRow, FrameRow
 from sniffer.sinks.text import WIDE
 from tests.commands import COMMAND, environment, talk, two_buses, within
 from tests.terminals import PATIENCE_S
@@ -113,6 +115,19 @@ def test_times_count_from_the_first_line_or_from_the_line_before(
         text = shown(capsys, monkeypatch, path, width, "--time", how)
         told = [line.split()[0] for line in table_of(text)[1]]
         assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
+
+
+def test_times_of_a_selection_count_from_where_the_capture_begins(capsys: Capsys) -> None:
+    """So they can be given to --from; the first line that was selected was 0."""
+    path = CAPTURES / "mightyzap_damaged.log"
+    asked = ("decode", path, "--time", "rel", "--code", "bad-checksum")
+    first = within(capsys, *asked).out.splitlines()[1].split()[0]
+    rows = [row for row in sniffer.decode(path) if isinstance(row, FrameRow | AnomalyRow)]
+    bad = next(row for row in rows if isinstance(row, AnomalyRow) and row.code == "bad-checksum")
+    began = next(row.t_ns for row in rows if isinstance(row, FrameRow))
+    assert float(first) == pytest.approx((bad.t_ns - began) / 1e9, abs=1e-5)
+    part = within(capsys, "decode", path, "--from", str(float(first) - 0.001), "--code", asked[-1])
+    assert part.out.splitlines()[1].split()[4] == "bad-checksum"
 
 
 def test_a_line_counts_from_the_one_before_of_its_bus(

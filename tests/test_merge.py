@@ -240,6 +240,19 @@ def test_who_answers_what_tells_the_clocks_to_what_adapters_hold_back(
         assert abs(found.offset_ns - shift) <= max(3, 18 * (grid_ms > 1)) * 1_000_000
 
 
+def test_the_servos_wire_in_place_of_the_controllers_is_refused(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    asked, heard = wires("mightyzap_clean.log")
+    a, b = lines(tmp_path / "a.log", asked), lines(tmp_path / "b.log", heard)
+    ran = within(capsys, "merge", b, a, "--pair", "-o", tmp_path / "x.mcap")
+    assert ran.status == 2
+    assert ran.complaint == (
+        f"{b} heard only answers, and {a} only requests: name the controller's wire first"
+    )
+    assert not (tmp_path / "x.mcap").exists()
+
+
 def test_rounds_that_are_all_alike_tell_no_clock_of_two_wires(
     tmp_path: Path, capsys: Capsys
 ) -> None:

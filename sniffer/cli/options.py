@@ -103,8 +103,8 @@ with_times = click.option(
     type=click.Choice(["abs", "rel", "delta"]),
     default="abs",
     show_default=True,
-    help="Times in the table: of the clock, since the first line, since the line before of the same"
-    " bus.",
+    help="Times in the table: of the clock, since the first line of all, shown or not, since the "
+    "line before of the same bus.",
 )
 """Of every command that prints a line a frame."""
 

@@ -14,7 +14,7 @@ from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.merging.aligning import MOST, Alignment, aligned
-from sniffer.merging.answering import answered
+from sniffer.merging.answering import answered, are_swapped
 from sniffer.merging.merger import Merger
 
 if TYPE_CHECKING:
@@ -157,6 +157,19 @@ def wires_of(asks: Input, says: Input, options: Options) -> Wires:
         known = (v for one in both for v in one.latencies.values())
         latency = max(known, default=LATENCY_NS[Clock.READ])
     return Wires(spoken[0], baud, latency)
+
+
+def refuse_swapped(asks: Input, says: Input, wires: Wires) -> None:
+    """Refuse two wires of which the first is the servos'.
+
+    Raises:
+        SnifferError: it is.
+    """
+    if are_swapped(_head(asks), _head(says), protocol=wires.protocol):
+        raise SnifferError(
+            f"{asks.path} heard only answers, and {says.path} only requests: name the controller's "
+            "wire first"
+        )
 
 
 def align_wires(asks: Input, says: Input, wires: Wires, tell: Teller) -> None:

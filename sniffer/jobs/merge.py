@@ -23,6 +23,7 @@ from sniffer.jobs.clocks import (
     align_wires,
     check_wires,
     named,
+    refuse_swapped,
     times_of,
     wires_of,
 )
@@ -241,6 +242,7 @@ def _wires(inputs: Sequence[Input], options: Options, tell: Teller, *, align: bo
     """Return what is spoken on two wires; their clocks are aligned, or looked at."""
     asks, says = inputs
     wires = wires_of(asks, says, options)
+    refuse_swapped(asks, says, wires)
     if align:
         align_wires(asks, says, wires, tell)
     else:

@@ -90,6 +90,16 @@ def _pairs(
     return answers, (began - byte_ns - told)[may]
 
 
+def are_swapped(asked: Iterable[Chunk], heard: Iterable[Chunk], *, protocol: BusProtocol) -> bool:
+    """Tell whether the first is the servos' wire: all there answer, and all on the other ask."""
+    kinds = [_framed(protocol, stamped(wire, 0)[0]).kind for wire in (asked, heard)]
+    said = (RESPONSE, REQUEST)
+    return all(
+        len(mine) >= LEAST and bool((mine == kind).all())
+        for mine, kind in zip(kinds, said, strict=True)
+    )
+
+
 def _framed(protocol: BusProtocol, data: U8) -> Frames:
     block = Block(data, np.empty(0, np.int64), True)
     return protocol.describe(block, protocol.frame(block)[0])

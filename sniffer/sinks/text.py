@@ -169,9 +169,10 @@ class TextSink:
             self._summary.add(bus, protocol, batch)
             self._diagnosis.write(bus, protocol, batch)
             lines += self._lines_of(bus, protocol, batch)
-        if self._day is None:  # that of the first frame, be it shown or not
-            begun = (int(batch.frames.t_end[0]) for _, batch in parts if len(batch.frames))
-            self._day = next(map(_day_of, begun), None)
+        if not self._widths:  # nothing is printed yet: of a selection the first frame counts
+            begun = [int(b.frames.t_end[0]) for _, b in parts if len(b.frames) and b.chosen]
+            known = () if self._first_ns is None else (self._first_ns,)
+            self._first_ns = min((*begun, *known), default=None)
         lines.sort(key=lambda line: line.start)
         if lines:
             self._lines.add(bus, [(line.t_ns, line) for line in lines])
@@ -188,6 +189,8 @@ class TextSink:
             return
         told = []
         if not self._widths:
+            if self._first_ns is not None:
+                self._day = _day_of(self._first_ns)
             begun = due[0][1].t_ns + FIRST_NS
             # of a clock that counts from when it was switched on hours may have more digits
             self._more = len(of_day(begun, 0)) - len("00:00:00")
