@@ -171,6 +171,30 @@ def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Spot, rules: Ru
     return out
 
 
+def is_best(steps: Sequence[Step], before: Spot) -> bool:
+    """Tell whether an order by time alone is the best, so that no other one needs to be weighed.
+
+    Every answer fits the request right before it, and stands where its adapter is likely to have
+    passed it on; every request but the last has the answer it must have. No order can be worth
+    more: each answer is worth most, and where one is missing at the end it is missing in any order.
+    And nothing is moved.
+    """
+    place = before
+    for wire, (unit,), behind in steps:
+        if unit.end == unit.start:
+            continue
+        if not unit.framed:
+            return False
+        if wire:
+            _, worth = place.behind_heard(unit, 0)
+            if place.since != DIRECT or worth < FITS:
+                return False
+        elif place.ask is not None and place.ask.must and place.since != ANSWERED:
+            return False
+        place = behind
+    return True
+
+
 State = tuple[int, int, int]
 """Units passed on each wire, and what stands since the last request."""
 

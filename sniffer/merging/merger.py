@@ -46,6 +46,7 @@ from sniffer.merging.causal import (
     Step,
     by_cause,
     by_time,
+    is_best,
 )
 from sniffer.merging.lanes import Framed, Lane, Piece, Said, Unit, held_of
 
@@ -229,8 +230,11 @@ class Merger:
         asks = asks or any(u.said for u in asked)
         # What the tap read late came in any order: more of it must be weighed at once.
         more = BURST if any(held_of(c) for lane in self._lanes for c in lane.chunks) else 1
+        steps = by_time(asked, heard, self._place, rules)
         if not asks or not heard or len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place, rules)
+            return steps
+        if is_best(steps, self._place):
+            return steps
         heard, bare = self._bare_answers(asked, heard, TRIALS * more)
         if len(asked) * len(heard) > CELLS * more:
             return by_time(asked, heard, self._place, rules)
