@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -316,19 +317,14 @@ def test_a_recording_keeps_its_rules_and_meets_them_again(
     assert not any(r.get("code") == "alarm" for r in other), "what is said now counts"
 
 
-def test_a_rule_for_some_time_judges_nothing_without_a_clock(
+def test_a_rule_for_some_time_counts_what_the_bytes_alone_take_where_there_is_no_clock(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its 2 s were counted from the bytes, without their pauses."""
+    """It was so at least as long: there were pauses between. Figures of time are none, then."""
     path = tmp_path / "x.bin"
     path.write_bytes(b"".join(chunk.data for chunk in hot(*[80] * 900)))
     rule = ("--alarm", "temperature > 70 for 500ms", "--protocol", "mightyzap")
     ran = within(capsys, "decode", path, *rule, "--code", "alarm", "--format", "jsonl")
-    assert not [row for row in records(ran.out) if row["type"] == "anomaly"]
-    assert "judges nothing: the input has no clock, so nobody knows for how long" in ran.err
-    rule = ("--alarm", "temperature > 70", "--protocol", "mightyzap")
-    ran = within(capsys, "decode", path, *rule, "--code", "alarm", "--format", "jsonl")
-    assert [row["code"] for row in records(ran.out) if row["type"] == "anomaly"] == ["alarm"]
-    assert "judges nothing" not in ran.err
-    stats = within(capsys, "stats", path, *rule).out
-    assert " met by  of values " in stats
+    (told,) = (row for row in records(ran.out) if row["type"] == "anomaly")
+    assert 500 * MS <= told["t_ns"] <= 520 * MS
+    assert re.search(r" met by +of values ", within(capsys, "stats", path, *rule).out)

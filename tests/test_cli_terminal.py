@@ -117,8 +117,11 @@ def test_times_count_from_the_first_line_or_from_the_line_before(
         assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
 
 
-def test_times_of_a_selection_count_from_where_the_capture_begins(capsys: Capsys) -> None:
+def test_times_of_a_selection_count_from_where_the_capture_begins(
+    capsys: Capsys, monkeypatch: Patch
+) -> None:
     """So they can be given to --from; the first line that was selected was 0."""
+    monkeypatch.delenv("COLUMNS", raising=False)  # as into a pipe: nothing is left out
     path = CAPTURES / "mightyzap_damaged.log"
     asked = ("decode", path, "--time", "rel", "--code", "bad-checksum")
     first = within(capsys, *asked).out.splitlines()[1].split()[0]

@@ -183,15 +183,11 @@ def _usual_unit(quantity: str, rows: Sequence[int], registers: Sequence[Register
     return max(here, key=lambda unit: counts[unit], default="")
 
 
-def refusal(alarm: Alarm, protocols: Iterable[BusProtocol], *, clock: bool = True) -> str | None:
-    """Return in a sentence why no servo of some protocols can meet a rule; None: one can.
-
-    ``clock``: times are known.
-    """
+def refusal(alarm: Alarm, protocols: Iterable[BusProtocol]) -> str | None:
+    """Return in a sentence why no servo of some protocols can meet a rule; None: one can."""
     every = list(protocols)
     if any(meant(alarm, p.registers) for p in every):
-        lasts = "the input has no clock, so nobody knows for how long"
-        return lasts if alarm.for_ns and not clock else None
+        return None
     who = every[0].name if len(every) == 1 else "no protocol here"
     bare = Alarm(alarm.quantity, alarm.op, alarm.limit)
     units = {m.unit: None for p in every if (m := meant(bare, p.registers))}

@@ -20,7 +20,7 @@ from sniffer.anomalies.zero import ZeroId
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.memory import Remembering
-from sniffer.ground.model import NS, Clock
+from sniffer.ground.model import NS
 from sniffer.protocols.ids import shared_ids
 
 if TYPE_CHECKING:
@@ -127,8 +127,6 @@ class _Threshold(Remembering):
 
     def judge(self, batch: Batch, usable: Mask) -> Iterator[Anomaly]:
         """Report where the rule begins to be met, and where it no longer is."""
-        if self._alarm.for_ns and batch.clock == Clock.NONE:
-            return  # nobody knows for how long: times without a clock have no pauses
         found = self._watch.judged(batch, usable)
         if not len(found.servo):
             return

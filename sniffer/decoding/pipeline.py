@@ -261,9 +261,7 @@ class Pipeline:
     def unmet(self) -> list[str]:
         """Tell of rules that no servo of any bus can meet, each in a sentence."""
         spoken = {p.name: p for d in self._decoders.values() for p in d.protocols}
-        clock = any(b.clock != Clock.NONE.name.lower() for b in self.summary.buses.values())
-        alarms = self._options.alarms if spoken else ()
-        told = ((a, refusal(a, spoken.values(), clock=clock)) for a in alarms)
+        told = ((a, refusal(a, spoken.values())) for a in self._options.alarms if spoken)
         return [f"the rule {str(a)!r} judges nothing: {why}" for a, why in told if why]
 
     def finish(self) -> None:

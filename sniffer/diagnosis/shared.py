@@ -118,8 +118,9 @@ def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Sha
         advice = (
             "they are likely the two wires of one line; "
             "`sniffer cut FILE --split bus -o wire.mcap` "
-            f"and `sniffer merge wire-{asked.bus}.mcap wire-{may[0].bus}.mcap --pair -o bus.mcap` "
-            "make them one bus, `sniffer record --pair` does while it records"
+            f"and `sniffer merge --pair -o bus.mcap` with wire-{asked.bus}.mcap and "
+            f"wire-{may[0].bus}.mcap make them one bus, "
+            "`sniffer record --pair` does while it records"
         )
         yield _shared(pair, why, advice)
 

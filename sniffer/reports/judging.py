@@ -293,7 +293,9 @@ _FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
 def _nothing(rule: r.Rule, heard: Subject) -> str:
     """Say why there is no figure."""
     if rule.bus and not list(_buses(rule, heard)):
-        return f"there is no bus {rule.bus}, only {and_([*heard.summary.buses])}"
+        there = and_([*heard.summary.buses])
+        are = "is" if len(heard.summary.buses) == 1 else "are"
+        return f"there is no bus {rule.bus}: {there} {are} there"
     if rule.servos and not list(servos_of(rule, heard)):
         ids = _ids(rule, heard, rule.servos)
         return f"no servo of the id {ids} was asked or heard"
