@@ -21,6 +21,7 @@ from tests.test_stats import MS, counted, exchange
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 CAPTURE = CAPTURES / "mightyzap_damaged.log"
 
@@ -69,6 +70,21 @@ def test_the_longest_silence_of_a_bus_is_between_two_things_that_were_heard(
     shown = within(capsys, "stats", CAPTURES / capture).out
     since = (before.t_ns - bus["first_ns"]) / 1e9
     assert re.search(rf" s, silent for \S+ ms at most, from second {since:.3f} on\n", shown)
+
+
+def test_the_longest_silence_is_told_in_seconds_of_the_capture_that_from_takes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the bus that was heard later they were its own."""
+    one = (CAPTURES / "mightyzap_damaged.log").read_text("ascii").splitlines()
+    later = [
+        re.sub(r"\((\d+)(\S+) bus0", lambda t: f"({int(t[1]) + 20}{t[2]} leg", line) for line in one
+    ]
+    path = tmp_path / "two.log"
+    path.write_text("\n".join([*one, *later]) + "\n", "ascii")
+    shown = within(capsys, "stats", path).out
+    arm, leg = re.findall(r"at most, from second (\S+) on\n", shown)
+    assert float(leg) == pytest.approx(float(arm) + 20, abs=0.002)
 
 
 @given(cuts=st.lists(st.integers(1, 10**6), max_size=6))

@@ -97,7 +97,7 @@ def _print_bus(
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
     shown = _tables(bus, first, width, tables)
-    lines = [*_about(bus, width, tables)]
+    lines = [*_about(bus, first, width, tables)]
     if any(table is not None and table.lacks_names(most, width) for _, table in shown):
         lines.append(_named(bus))
     for line in lines:
@@ -155,7 +155,9 @@ def _tables(
     )
 
 
-def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
+def _about(
+    bus: Mapping[str, Any], first: int, width: int, tables: Sequence[str] | None
+) -> Iterable[str]:
     if tables is not None and not bus["bytes"]:  # none of what nobody asked for is no finding
         if not any(bus[name] for name in HAVING):
             yield "nothing that it said is selected"
@@ -169,7 +171,7 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
     if load is None:
         yield "no clock in the input: no rates and no times"
         return
-    yield f"over {bus['seconds']:.3f} s{_silent(bus)}"
+    yield f"over {bus['seconds']:.3f} s{_silent(bus, first)}"
     told, shares, width_ns = f"load {percent(load['mean'])}", load["shares"], load["slice_ns"]
     if max(shares) > load["mean"]:  # else nothing was heard in a whole slice
         told += f", at most {percent(load['peak'])} in "
@@ -182,12 +184,12 @@ def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> 
         yield drawn
 
 
-def _silent(bus: Mapping[str, Any]) -> str:
+def _silent(bus: Mapping[str, Any], first: int) -> str:
     """Return for how long nothing was heard at most, and since when."""
     silence = bus["longest_silence"]
     if silence is None:
         return ""
-    since = seconds_of(silence["t_ns"], bus["first_ns"], bus)
+    since = seconds_of(silence["t_ns"], first, bus)
     return f", silent for {ms_of(silence, 'value_ns')} ms at most, from second {since} on"
 
 
