@@ -53,6 +53,8 @@ def answered(
 ) -> Alignment | None:
     """Return by how much the clock of the servos' wire is ahead, None where nothing tells.
 
+    Its ``runs`` are answers, and all of them but for strays lie within ``spread_ns``.
+
     Args:
         asked: what the controller's wire carried, by its clock.
         heard: what the servos' wire carried, by its own.
