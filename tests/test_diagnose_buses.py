@@ -116,7 +116,7 @@ def test_two_buses_that_are_the_wires_of_one_line_are_told_so(
     path = beside(tmp_path / "a.log", wires("mightyzap", "ctl", "srv"))
     words = told(capsys, path)
     assert "What is asked on ctl is answered on srv, by the same servos at one time (incid" in words
-    assert "`sniffer merge --pair -o bus.mcap` with wire-ctl.mcap and wire-srv.mcap make" in words
+    assert "`sniffer merge wire-ctl.mcap wire-srv.mcap --pair -o bus.mcap` make them one" in words
     assert "likelier" not in words
     assert within(capsys, "cut", path, "--split", "bus", "-o", tmp_path / "wire.mcap").status == 0
     both = [tmp_path / f"wire-{bus}.mcap" for bus in ("ctl", "srv")]

@@ -50,22 +50,29 @@ FROM_THE_BEGIN_NS: Final = 2 * NS
 """What is there so soon may have been there before: its beginning was not seen."""
 
 
+_LOOK: Final = (
+    "one fault is likelier than {several}; look first at what these buses share ({what})."
+)
+_BEGUN: Final = f"Incidents {{mine}} begin within {{apart_s:g}} s on {{on}}: {_LOOK}"
+_SILENT: Final = f"Nobody answers on {{on}} from the first request on (incidents {{mine}}): {_LOOK}"
+_WIRES: Final = (
+    "What is asked on {asked} is answered on {answering}, by the same servos at one time "
+    "(incidents {mine}): they are likely the two wires of one line; `sniffer cut FILE --split bus -o "
+    "wire.mcap` and `sniffer merge wire-{asked}.mcap wire-{answering}.mcap --pair -o bus.mcap` "
+    "make them one bus, `sniffer record --pair` does while it records."
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Shared:
     """Incidents, by their numbers, that are likely one fault of their buses.
 
-    ``why`` is how that shows, ``advice`` what to do first.
+    ``told`` is how that shows, and what to do first.
     """
 
     numbers: tuple[int, ...]
     buses: tuple[str, ...]
-    why: str
-    advice: str
-
-    @property
-    def told(self) -> str:
-        """It as a sentence, with what to look at first."""
-        return f"{self.why}: {self.advice}."
+    told: str
 
 
 def shared(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[Shared, ...]:
@@ -73,9 +80,8 @@ def shared(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[Shared
 
     ``cases`` are what was heard of each bus.
     """
-    wires = list(_wires(incidents, cases))
-    paired = {number for one in wires for number in one.numbers}
-    silent = [i for i in _with(incidents, NOBODY) if i.number not in paired]
+    out = list(_wires(incidents, cases))
+    paired = {number for one in out for number in one.numbers}
     began = {case.bus: case.first_ns for case in cases if case.has_clock}
     groups: list[list[Incident]] = []
     for what in (SUPPLY, PROGRAM, GROUND):
@@ -88,17 +94,15 @@ def shared(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[Shared
                 groups.append([])
                 last = i.first_ns
             groups[-1].append(i)
-    together = [
-        _shared(group, _begun(group), _first(group, SHARES[group[0].cause]))
-        for group in groups
-        if _are_several(group)
-    ]
-    nobody = (
-        [_shared(silent, _unanswered(silent), _first(silent, UNANSWERED))]
-        if _are_several(silent)
-        else []
-    )
-    return (*wires, *together, *nobody)
+    for group in filter(_are_several, groups):
+        apart_ns = max(i.first_ns for i in group) - min(i.first_ns for i in group)
+        tenths = max(-(-apart_ns * 10 // NS), 1)
+        what = SHARES[group[0].cause]
+        out.append(_shared(group, _BEGUN, what=what, apart_s=tenths / 10))
+    silent = [i for i in _with(incidents, NOBODY) if i.number not in paired]
+    if _are_several(silent):
+        out.append(_shared(silent, _SILENT, what=UNANSWERED))
+    return tuple(out)
 
 
 def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Shared]:
@@ -106,23 +110,10 @@ def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Sha
     by_bus = {case.bus: case for case in cases}
     answered = _with(incidents, NO_REQUESTS)
     for asked in _with(incidents, NOBODY):
-        case = by_bus[asked.bus]
-        may = [i for i in answered if _may_answer(by_bus[i.bus], case)]
-        if len(may) != 1:
-            continue  # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
-        pair = asked, may[0]
-        why = (
-            f"What is asked on {asked.bus} is answered on {may[0].bus}, by the same servos at one "
-            f"time (incidents {numbered(sorted(i.number for i in pair))})"
-        )
-        advice = (
-            "they are likely the two wires of one line; "
-            "`sniffer cut FILE --split bus -o wire.mcap` "
-            f"and `sniffer merge --pair -o bus.mcap` with wire-{asked.bus}.mcap and "
-            f"wire-{may[0].bus}.mcap make them one bus, "
-            "`sniffer record --pair` does while it records"
-        )
-        yield _shared(pair, why, advice)
+        may = [i for i in answered if _may_answer(by_bus[i.bus], by_bus[asked.bus])]
+        # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
+        if len(may) == 1:
+            yield _shared((asked, *may), _WIRES, asked=asked.bus, answering=may[0].bus)
 
 
 def _may_answer(servos: Case, controller: Case) -> bool:
@@ -136,31 +127,6 @@ def _with(incidents: Sequence[Incident], code: str) -> list[Incident]:
     return [i for i in incidents if any(f.code == code for f in i.findings)]
 
 
-def _unanswered(group: Sequence[Incident]) -> str:
-    mine, on = _named(group)
-    return f"Nobody answers on {on} from the first request on (incidents {mine})"
-
-
-def _begun(group: Sequence[Incident]) -> str:
-    mine, on = _named(group)
-    apart_ns = max(i.first_ns for i in group) - min(i.first_ns for i in group)
-    tenths = max(-(-apart_ns * 10 // NS), 1)
-    return f"Incidents {mine} begin within {tenths / 10:g} s on {on}"
-
-
-def _first(group: Sequence[Incident], what: str) -> str:
-    return (
-        f"one fault is likelier than {len({i.bus for i in group})}; look first at what these buses "
-        f"share ({what})"
-    )
-
-
-def _named(group: Sequence[Incident]) -> tuple[str, str]:
-    """Return the numbers and the buses of incidents, in words."""
-    ordered = sorted(group, key=lambda i: i.number)
-    return numbered([i.number for i in ordered]), and_([*dict.fromkeys(i.bus for i in ordered)])
-
-
 def _are_several(group: Sequence[Incident]) -> bool:
     return len({i.bus for i in group}) > 1
 
@@ -170,10 +136,11 @@ def _was_seen_to_begin(incident: Incident, began: Mapping[str, int]) -> bool:
     return first is not None and incident.first_ns - first > FROM_THE_BEGIN_NS
 
 
-def _shared(group: Sequence[Incident], why: str, advice: str) -> Shared:
+def _shared(group: Sequence[Incident], sentence: str, **words: str | float) -> Shared:
     ordered = sorted(group, key=lambda i: i.number)
-    buses = tuple(dict.fromkeys(i.bus for i in ordered))
-    return Shared(tuple(i.number for i in ordered), buses, why, advice)
+    numbers, buses = [i.number for i in ordered], [*dict.fromkeys(i.bus for i in ordered)]
+    told = sentence.format(mine=numbered(numbers), on=and_(buses), several=len(buses), **words)
+    return Shared(tuple(numbers), tuple(buses), told)
 
 
 def numbered(numbers: Sequence[int]) -> str:

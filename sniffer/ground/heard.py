@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -20,15 +20,19 @@ SET_BACK_NS: Final = NS // 2
 """A time that is so much earlier than the one before was not told late: the clock was set."""
 
 
-def was_set(t_ns: I64, before_ns: int) -> I64:
-    """Return the rows at which the clock was set; ``before_ns`` is the time in front.
+def is_set(t_ns: Any, before_ns: Any) -> Any:
+    """Tell whether the clock was set between two times, or of columns between each two.
 
     It was set back, or it got a date: a computer without a battery counts from 1970 until somebody
     tells it the time.
     """
-    before = np.concatenate([[before_ns], t_ns[:-1]])
-    got_a_date = (before < DATED_NS) & (t_ns >= DATED_NS)
-    return np.flatnonzero((t_ns - before < -SET_BACK_NS) | got_a_date)
+    got_a_date = (before_ns < DATED_NS) & (t_ns >= DATED_NS)
+    return (t_ns - before_ns < -SET_BACK_NS) | got_a_date
+
+
+def was_set(t_ns: I64, before_ns: int) -> I64:
+    """Return the rows at which the clock was set; ``before_ns`` is the time in front."""
+    return np.flatnonzero(is_set(t_ns, np.concatenate([[before_ns], t_ns[:-1]])))
 
 
 @dataclass(slots=True)
@@ -74,7 +78,7 @@ class HeardSpan:
             return
         if self.last_ns is None:
             self.first_ns = more.first_ns
-        elif len(was_set(np.array([more.first_ns]), self.last_ns)):
+        elif is_set(more.first_ns, self.last_ns):
             self._set.update(dict.fromkeys(more._lasts, self.last_ns - more.first_ns))
         self._lasts |= more._lasts
         self._set.update(more._set)
