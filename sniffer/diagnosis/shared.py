@@ -57,8 +57,9 @@ _BEGUN: Final = f"Incidents {{mine}} begin within {{apart_s:g}} s on {{on}}: {_L
 _SILENT: Final = f"Nobody answers on {{on}} from the first request on (incidents {{mine}}): {_LOOK}"
 _WIRES: Final = (
     "What is asked on {asked} is answered on {answering}, by the same servos at one time "
-    "(incidents {mine}): they are likely the two wires of one line; `sniffer cut FILE --split bus -o "
-    "wire.mcap` and `sniffer merge wire-{asked}.mcap wire-{answering}.mcap --pair -o bus.mcap` "
+    "(incidents {mine}): they are likely the two wires of one line; "
+    "`sniffer cut FILE --split bus -o wire.mcap` and "
+    "`sniffer merge wire-{asked}.mcap wire-{answering}.mcap --pair -o bus.mcap` "
     "make them one bus, `sniffer record --pair` does while it records."
 )
 

@@ -151,10 +151,19 @@ Bare = dict[tuple[int, int], tuple[int, int]]
 """By requests passed and unit of the servos' wire: the unit behind a bare answer, and its worth."""
 
 
-def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Spot, rules: Rules) -> list[Step]:
-    """Order by latest moments alone, the controller's wire first on ties."""
+def by_time(
+    asked: Sequence[Unit], heard: Sequence[Unit], place: Spot, rules: Rules
+) -> tuple[list[Step], bool]:
+    """Order by latest moments alone, the controller's wire first on ties.
+
+    Also tell whether no order by cause can be better: every answer fits the request right before
+    it, and stands where its adapter is likely to have passed it on; every request but the last has
+    the answer it must have. Each answer is worth most then, what is missing at the end is missing
+    in any order, and nothing is moved.
+    """
     out: list[Step] = []
     i = j = at = 0
+    is_best = True
     while i < len(asked) or j < len(heard):
         a = asked[i] if i < len(asked) else None
         b = heard[j] if j < len(heard) else None
@@ -162,37 +171,17 @@ def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Spot, rules: Ru
         wire = int(costs[1] < costs[0])
         unit = heard[j] if wire else asked[i]
         i, j = i + 1 - wire, j + wire
+        since, must = place.since, place.ask is not None and place.ask.must
         if wire:
-            place, _ = place.behind_heard(unit, at)
+            place, worth = place.behind_heard(unit, at)
+            fits = since == DIRECT and worth == FITS
         else:
             place = place.behind_asked(unit, at, rules)
+            fits = not must or since == ANSWERED
+        is_best = is_best and (unit.end == unit.start or (unit.framed and fits))
         at += unit.end - unit.start
         out.append(Step(wire, (unit,), place))
-    return out
-
-
-def is_best(steps: Sequence[Step], before: Spot) -> bool:
-    """Tell whether an order by time alone is the best, so that no other one needs to be weighed.
-
-    Every answer fits the request right before it, and stands where its adapter is likely to have
-    passed it on; every request but the last has the answer it must have. No order can be worth
-    more: each answer is worth most, and where one is missing at the end it is missing in any order.
-    And nothing is moved.
-    """
-    place = before
-    for wire, (unit,), behind in steps:
-        if unit.end == unit.start:
-            continue
-        if not unit.framed:
-            return False
-        if wire:
-            _, worth = place.behind_heard(unit, 0)
-            if place.since != DIRECT or worth < FITS:
-                return False
-        elif place.ask is not None and place.ask.must and place.since != ANSWERED:
-            return False
-        place = behind
-    return True
+    return out, is_best
 
 
 State = tuple[int, int, int]

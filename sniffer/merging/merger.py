@@ -46,7 +46,6 @@ from sniffer.merging.causal import (
     Step,
     by_cause,
     by_time,
-    is_best,
 )
 from sniffer.merging.lanes import Framed, Lane, Piece, Said, Unit, held_of
 
@@ -224,20 +223,18 @@ class Merger:
     def _order(self, asked: list[Unit], heard: list[Unit], known_ns: int) -> list[Step]:
         protocol = self.protocol
         if protocol is None:
-            return by_time(asked, heard, self._place, Rules(0, 0, ordered=False))
+            return by_time(asked, heard, self._place, Rules(0, 0, ordered=False))[0]
         rules = Rules(protocol.reach, protocol.tail_ns, protocol.ordered)
         asks = self._place.ask is not None or bool(self._place.pending)
         asks = asks or any(u.said for u in asked)
         # What the tap read late came in any order: more of it must be weighed at once.
         more = BURST if any(held_of(c) for lane in self._lanes for c in lane.chunks) else 1
-        steps = by_time(asked, heard, self._place, rules)
-        if not asks or not heard or len(asked) * len(heard) > CELLS * more:
-            return steps
-        if is_best(steps, self._place):
+        steps, is_best = by_time(asked, heard, self._place, rules)
+        if is_best or not asks or not heard or len(asked) * len(heard) > CELLS * more:
             return steps
         heard, bare = self._bare_answers(asked, heard, TRIALS * more)
         if len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place, rules)
+            return by_time(asked, heard, self._place, rules)[0]
         return by_cause(asked, heard, self._place, known_ns, bare, rules)
 
     def _bare_answers(

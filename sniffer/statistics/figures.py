@@ -78,12 +78,7 @@ class Presence:
     def hear(self, answers: AnswerColumns) -> None:
         """Take more answers, in the order of the wire."""
         before = AnswerColumns(*(np.append(a, b) for a, b in zip(self.last, answers, strict=True)))
-        apart = np.diff(before.t_ns)
-        apart[(before.spread_ns[1:] < 0) | (before.spread_ns[:-1] < 0)] = -1
-        i = int(apart.argmax())
-        if apart[i] >= 0 and (self.pause is None or apart[i] > self.pause.ns):
-            spread = int(before.spread_ns[i] + before.spread_ns[i + 1])
-            self.pause = PauseHeard(int(apart[i]), spread, before.at(i))
+        self.pause = longest_pause(before.t_ns, before, self.pause)
         self.last = answers.at(-1)
 
 
@@ -116,14 +111,23 @@ class BusSilence:
         if self._last is not None:
             said = AnswerColumns(*(np.append(a, b) for a, b in zip(self._last, said, strict=True)))
             begun = np.append(self._last.t_ns, begun)
-        apart = begun[1:] - said.t_ns[:-1]
-        apart[(said.spread_ns[1:] < 0) | (said.spread_ns[:-1] < 0)] = -1
-        apart[was_set(said.t_ns[1:], int(said.t_ns[0]))] = -1
-        i = int(apart.argmax()) if len(apart) else 0
-        if len(apart) and apart[i] > (0 if self.longest is None else self.longest.ns):
-            spread = int(said.spread_ns[i] + said.spread_ns[i + 1])
-            self.longest = PauseHeard(int(apart[i]), spread, said.at(i))
+        self.longest = longest_pause(begun, said, self.longest)
         self._last = said.at(-1)
+
+
+def longest_pause(begun: I64, ended: AnswerColumns, known: PauseHeard | None) -> PauseHeard | None:
+    """Return the longest time from an end to what began next, or a longer one that is known.
+
+    Where there is no clock, or it was set meanwhile, nobody knows how long it was.
+    """
+    apart = begun[1:] - ended.t_ns[:-1]
+    apart[(ended.spread_ns[1:] < 0) | (ended.spread_ns[:-1] < 0)] = -1
+    apart[was_set(ended.t_ns[1:], int(ended.t_ns[0]))] = -1
+    i = int(apart.argmax()) if len(apart) else -1
+    if i < 0 or apart[i] < 0 or (known is not None and apart[i] <= known.ns):
+        return known
+    spread = int(ended.spread_ns[i] + ended.spread_ns[i + 1])
+    return PauseHeard(int(apart[i]), spread, ended.at(i))
 
 
 @dataclass(slots=True)
