@@ -17,7 +17,7 @@ from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.mcapfile.source import session
 from sniffer.merging.aligning import aligned
-from sniffer.merging.answering import answered
+from sniffer.merging.answering import WireHeard, answered
 from sniffer.messages import ANCHOR
 from sniffer.protocols import protocol_named
 from sniffer.sinks.raw import LogFile
@@ -232,7 +232,8 @@ def test_who_answers_what_tells_the_clocks_to_what_adapters_hold_back(
 ) -> None:
     asked, heard = wires(name, shift, max(grid_ms * 1_000_000, 1))
     spoken = protocol_named(protocol)
-    found = answered(asked, heard, protocol=spoken, baud=spoken.baud)
+    both = (WireHeard.of(w, protocol=spoken, baud=spoken.baud) for w in (asked, heard))
+    found = answered(*both)
     if found is None:
         assert protocol == "wck"  # answers that name nobody
         assert grid_ms > 1

@@ -14,7 +14,7 @@ from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.merging.aligning import MOST, Alignment, aligned
-from sniffer.merging.answering import answered, are_swapped
+from sniffer.merging.answering import WireHeard, answered, are_swapped
 from sniffer.merging.merger import Merger
 
 if TYPE_CHECKING:
@@ -95,11 +95,14 @@ def align_taps(inputs: Sequence[Input], given: set[str], tell: Teller) -> None:
                 "{offsets}"
             )
             raise InputError(Sentence(told, one=one.path, base=base.path))
-        one.shift_ns = base.shift_ns - found.offset_ns
-        tell.talk(
-            f"{one.path}: {one.shift_ns / NS:+.6f} s to its times, by {found.runs} runs of bytes "
-            f"that both heard, half of them within {found.spread_ns / 1e6:.3f} ms"
-        )
+        by = "runs of bytes that both heard, half of them within"
+        _shift(one, base, found, f"{by} {found.spread_ns / 1e6:.3f} ms", tell)
+
+
+def _shift(one: Input, base: Input, found: Alignment, by: str, tell: Teller) -> None:
+    """Put a capture on the clock of another one; tell it, and ``by`` how many of what."""
+    one.shift_ns = base.shift_ns - found.offset_ns
+    tell.talk(f"{one.path}: {one.shift_ns / NS:+.6f} s to its times, by {found.runs} {by}")
 
 
 def _byte_ns(one: Input) -> int:
@@ -159,63 +162,60 @@ def wires_of(asks: Input, says: Input, options: Options) -> Wires:
     return Wires(spoken[0], baud, latency)
 
 
-def refuse_swapped(asks: Input, says: Input, wires: Wires) -> None:
-    """Refuse two wires of which the first is the servos'.
+def put_on_one_clock(asks: Input, says: Input, wires: Wires, tell: Teller, *, align: bool) -> None:
+    """Find how the clocks of two wires differ, by who answers what.
+
+    ``align``: what is found is added to the times of the servos' wire. Else it is told, where the
+    clocks seem to differ by more than their stamps may lag.
 
     Raises:
-        SnifferError: it is.
+        InputError: no exchange tells what is to be added.
+        SnifferError: the first is the servos' wire.
     """
-    if are_swapped(_head(asks), _head(says), protocol=wires.protocol):
+    asked, heard = _heads(asks, says, wires)
+    if are_swapped(asked, heard):
         raise SnifferError(
             f"{asks.path} heard only answers, and {says.path} only requests: name the controller's "
             "wire first"
         )
+    found = answered(asked, heard)
+    if align:
+        _align_answers(asks, says, found, tell)
+    elif found is not None:
+        _tell_difference(asks, says, found, wires.latency_ns, tell)
 
 
-def align_wires(asks: Input, says: Input, wires: Wires, tell: Teller) -> None:
-    """Find what is to be added to the times of the servos' wire, by who answers what.
-
-    Raises:
-        InputError: no exchange tells.
-    """
-    found = _answered(asks, says, wires)
+def _align_answers(asks: Input, says: Input, found: Alignment | None, tell: Teller) -> None:
     if found is None:
         told = (
             "no answers of {says} tell its clock from that of {asks}: too few fit a request, or as "
             "many with several differences; give {offsets}"
         )
         raise InputError(Sentence(told, says=says.path, asks=asks.path))
-    says.shift_ns = asks.shift_ns - found.offset_ns
-    tell.talk(
-        f"{says.path}: {says.shift_ns / NS:+.6f} s to its times, by {found.runs} answers and the "
-        f"requests that they fit: the fastest counts as one that came at once, the others within "
-        f"{found.spread_ns / 1e6:.1f} ms"
+    by = (
+        "answers and the requests that they fit: the fastest counts as one that came at once, the "
+        "others within"
     )
+    _shift(says, asks, found, f"{by} {found.spread_ns / 1e6:.1f} ms", tell)
 
 
-def check_wires(asks: Input, says: Input, wires: Wires, tell: Teller) -> None:
-    """Tell if the clocks of two wires seem to differ by more than their stamps may lag."""
-    found = _answered(asks, says, wires)
-    if found is None:
-        return
+def _tell_difference(
+    asks: Input, says: Input, found: Alignment, latency_ns: int, tell: Teller
+) -> None:
     ahead_ns = found.offset_ns + says.shift_ns - asks.shift_ns
-    late_ns = wires.latency_ns + found.spread_ns
-    if -wires.latency_ns <= ahead_ns <= late_ns:
+    if -latency_ns <= ahead_ns <= latency_ns + found.spread_ns:
         return
     told = (
         "the clock of {says} seems to be {ahead} s {side} that of {asks}, by {runs} answers and "
         "the requests that they fit: say {align}, or what to add by {offsets}"
     )
     side = "ahead of" if ahead_ns > 0 else "behind"
-    ahead = f"{abs(ahead_ns) / NS:.3f}"
-    sentence = Sentence(
-        told, says=says.path, asks=asks.path, ahead=ahead, side=side, runs=found.runs
-    )
-    tell.warn(sentence)
+    ahead, runs = f"{abs(ahead_ns) / NS:.3f}", found.runs
+    tell.warn(Sentence(told, says=says.path, asks=asks.path, ahead=ahead, side=side, runs=runs))
 
 
-def _answered(asks: Input, says: Input, wires: Wires) -> Alignment | None:
-    """Return by how much the clock of the servos' wire is ahead, None where nothing tells.
+def _heads(asks: Input, says: Input, wires: Wires) -> tuple[WireHeard, WireHeard]:
+    """Return what each of two wires carried, as much as is compared.
 
     Where both were heard at one time by their clocks, what came before is not compared: one of the
     taps may have been started an hour earlier.
@@ -226,5 +226,8 @@ def _answered(asks: Input, says: Input, wires: Wires) -> Alignment | None:
         for first, last in one.buses.values()
     )
     since = max(from_, began) if max(from_, began) < min(to, ended) else min(from_, began)
-    heads = (_head(one, since - one.shift_ns) for one in (asks, says))
-    return answered(*heads, protocol=wires.protocol, baud=wires.baud)
+    asked, heard = (
+        WireHeard.of(_head(one, since - one.shift_ns), protocol=wires.protocol, baud=wires.baud)
+        for one in (asks, says)
+    )
+    return asked, heard

@@ -20,10 +20,8 @@ from sniffer.jobs.clocks import (
     Input,
     Wires,
     align_taps,
-    align_wires,
-    check_wires,
     named,
-    refuse_swapped,
+    put_on_one_clock,
     times_of,
     wires_of,
 )
@@ -242,11 +240,7 @@ def _wires(inputs: Sequence[Input], options: Options, tell: Teller, *, align: bo
     """Return what is spoken on two wires; their clocks are aligned, or looked at."""
     asks, says = inputs
     wires = wires_of(asks, says, options)
-    refuse_swapped(asks, says, wires)
-    if align:
-        align_wires(asks, says, wires, tell)
-    else:
-        check_wires(asks, says, wires, tell)
+    put_on_one_clock(asks, says, wires, tell, align=align)
     bus = next(iter(asks.names.values()))
     lag = wires.latency_ns / 1e6
     tell.talk(f"{bus}: two wires, put in order by cause and effect, times ± {lag:g} ms")

@@ -25,7 +25,7 @@ from sniffer.merging.aligning import LEAST, Alignment, stamped
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sniffer.ground.model import I64, U8, Chunk, Frames, Mask
+    from sniffer.ground.model import I64, Chunk, Frames, Mask
     from sniffer.protocols.base import BusProtocol
 
 MOST: Final = 1500
@@ -48,20 +48,38 @@ CLEARLY: Final = 0.005
 """So many of the answers more must speak for a difference than for any other, and 3 at least."""
 
 
-def answered(
-    asked: Iterable[Chunk], heard: Iterable[Chunk], *, protocol: BusProtocol, baud: int
-) -> Alignment | None:
+class WireHeard(NamedTuple):
+    """What a wire carried: its frames, and when each of its bytes came by the stamps."""
+
+    frames: Frames
+    stamps: I64
+    byte_ns: int
+
+    @classmethod
+    def of(cls, chunks: Iterable[Chunk], *, protocol: BusProtocol, baud: int) -> WireHeard:
+        """Return it of chunks on a clock of their own; ``baud`` in bits per second."""
+        byte_ns = byte_time_ns(baud)
+        data, stamps = stamped(chunks, byte_ns)
+        block = Block(data, np.empty(0, np.int64), True)
+        return cls(protocol.describe(block, protocol.frame(block)[0]), stamps, byte_ns)
+
+    def has_only(self, kind: int) -> bool:
+        """Tell whether all its frames are of a kind, and not few."""
+        return len(self.frames) >= LEAST and bool((self.frames.kind == kind).all())
+
+
+def are_swapped(asked: WireHeard, heard: WireHeard) -> bool:
+    """Tell whether the first is the servos' wire: all there answer, and all on the other ask."""
+    return asked.has_only(RESPONSE) and heard.has_only(REQUEST)
+
+
+def answered(asked: WireHeard, heard: WireHeard) -> Alignment | None:
     """Return by how much the clock of the servos' wire is ahead, None where nothing tells.
 
-    Its ``runs`` are answers, and all of them but for strays lie within ``spread_ns``.
-
-    Args:
-        asked: what the controller's wire carried, by its clock.
-        heard: what the servos' wire carried, by its own.
-        protocol: which they speak.
-        baud: bits per second.
+    Its ``runs`` are answers, and all of them but for strays lie within ``spread_ns``. ``asked`` is
+    the controller's wire, ``heard`` the servos'.
     """
-    answers, ahead = _pairs(asked, heard, protocol, byte_time_ns(baud))
+    answers, ahead = _pairs(asked, heard)
     if not len(ahead):
         return None
     narrow, wide = (_foremost(answers, ahead, spread) for spread in SPREADS_NS)
@@ -69,42 +87,23 @@ def answered(
     return Alignment(best.offset_ns, best.spread_ns, best.runs) if best.is_clear else None
 
 
-def _pairs(
-    asked: Iterable[Chunk], heard: Iterable[Chunk], protocol: BusProtocol, byte_ns: int
-) -> tuple[I64, I64]:
+def _pairs(asked: WireHeard, heard: WireHeard) -> tuple[I64, I64]:
     """Return of each pair that fits which answer it is, and how long after the request's end."""
-    data, stamps = stamped(asked, byte_ns)
-    f = _framed(protocol, data)
+    f = asked.frames
     asks = f.take(np.flatnonzero((f.kind == REQUEST) & np.isin(f.reply, (MUST, IF_READ)))[:MOST])
-    told = stamps[asks.end - 1][:, None]
-    data, stamps = stamped(heard, byte_ns)
-    f = _framed(protocol, data)
-    says = f.take(np.flatnonzero(f.kind == RESPONSE)[:MOST])
+    told = asked.stamps[asks.end - 1][:, None]
+    says = heard.frames.take(np.flatnonzero(heard.frames.kind == RESPONSE)[:MOST])
     if len(says):
-        began = stamps[says.start]
+        began = heard.stamps[says.start]
         who = asks.servo_id[:, None], asks.alt_id[:, None]
         may: Mask = (who[0] == says.servo_id) | (who[1] == says.servo_id) | (who[1] == ANY_ID)
         may &= (asks.token[:, None] == says.token) | (says.token == -1)
     else:  # answers without a header: each piece may be one, of whoever was asked
-        began = stamps[np.diff(stamps, prepend=-NEVER_NS) > 2 * byte_ns][:MOST]
+        apart = np.diff(heard.stamps, prepend=-NEVER_NS) > 2 * heard.byte_ns
+        began = heard.stamps[apart][:MOST]
         may = np.ones((len(told), len(began)), bool)
     _, answers = np.nonzero(may)
-    return answers, (began - byte_ns - told)[may]
-
-
-def are_swapped(asked: Iterable[Chunk], heard: Iterable[Chunk], *, protocol: BusProtocol) -> bool:
-    """Tell whether the first is the servos' wire: all there answer, and all on the other ask."""
-    kinds = [_framed(protocol, stamped(wire, 0)[0]).kind for wire in (asked, heard)]
-    said = (RESPONSE, REQUEST)
-    return all(
-        len(mine) >= LEAST and bool((mine == kind).all())
-        for mine, kind in zip(kinds, said, strict=True)
-    )
-
-
-def _framed(protocol: BusProtocol, data: U8) -> Frames:
-    block = Block(data, np.empty(0, np.int64), True)
-    return protocol.describe(block, protocol.frame(block)[0])
+    return answers, (began - heard.byte_ns - told)[may]
 
 
 class _Vote(NamedTuple):
