@@ -9,8 +9,8 @@ from bench.hours import run
 
 @pytest.mark.parametrize("buses", [1, 4])
 def test_a_recording_on_a_leaping_clock_has_every_byte_of_its_lines(buses: int) -> None:
-    seen = run(3.0, buses, 57600)
-    assert seen.seconds >= 3.0
-    assert seen.bytes >= 0.99 * buses * 3.0 * 5760
-    assert seen.rounds > 1  # how many, the load of the machine says
+    seen = run(6.0, buses, 57600)  # a busy machine turns half as often
+    assert seen.seconds >= 6.0
+    assert seen.bytes >= 0.99 * buses * 6.0 * 5760
+    assert seen.rounds >= 20
     assert seen.file_mb * 1e6 > seen.bytes
