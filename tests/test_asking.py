@@ -259,6 +259,9 @@ def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: 
     for column, odd, meant in (
         ("quantity", "temprature", "temperature"),
         ("register", "present_positon", "present_position"),
+        ("register", "torque_enable", "quantity = 'torque_enable'"),
+        ("quantity", "present_voltage", "register = 'present_voltage'"),
+        ("quantity", "force", "force_limit"),
     ):
         ran = within(capsys, "decode", CAPTURE, "--where", f"{column} = '{odd}'")
         last = " ".join(ran.out.split())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -36,17 +37,24 @@ def told(capsys: Capsys, *arguments: str | Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
 def test_what_registers_held_is_what_the_samples_say(capture: Path, capsys: Capsys) -> None:
     pytest.importorskip("pyarrow", reason="samples as a table are the oracle")
+    decoded = sniffer.decode(capture)
+    kinds = {(row["bus"], row["offset"]): row["kind"] for row in decoded.frames().to_pylist()}
     said: dict[tuple[str, int, str], list[int]] = {}
-    for row in sniffer.decode(capture).samples().to_pylist():
+    written: Counter[tuple[str, int, str]] = Counter()
+    for row in decoded.samples().to_pylist():
         if not row["part"]:
             who = -1 if row["servo_id"] is None else row["servo_id"]
-            said.setdefault((row["bus"], who, row["register"]), []).append(row["raw"])
+            of = row["bus"], who, row["register"]
+            said.setdefault(of, []).append(row["raw"])
+            written[of] += kinds[row["bus"], row["offset"]] == "request"
     found = told(capsys, capture)
     assert {(r["bus"], r["servo_id"], r["register"]) for r in found} == said.keys()
     for r in found:
-        raws = said[r["bus"], r["servo_id"], r["register"]]
+        of = r["bus"], r["servo_id"], r["register"]
+        raws = said[of]
         changes = sum(a != b for a, b in itertools.pairwise(raws))
         assert (r["count"], r["changes"]) == (len(raws), changes)
+        assert (r["reads"], r["writes"]) == (len(raws) - written[of], written[of])
         assert (r["first"]["raw"], r["last"]["raw"]) == (raws[0], raws[-1])
 
 
@@ -71,6 +79,17 @@ def test_a_setting_that_one_servo_has_otherwise_is_a_line_of_its_own(
     delays = rows[where + 2 :]
     assert delays[0][1:4] == ["1,", "2,", "4"]
     assert delays[1][:2] == ["3", "left_hip"]
+
+
+def test_no_word_is_broken_where_a_terminal_has_room_for_all(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capsys
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    ran = within(capsys, "state", SAMPLES / "lss_clean.bin")
+    assert ran.status == 0
+    assert max(map(len, ran.out.splitlines())) <= 80
+    words = set(ran.out.split())
+    assert {"-45.8", "deg", "deg/s", "magenta", "12345671"} <= words
 
 
 def test_a_part_tells_what_was_said_in_it(capsys: Capsys) -> None:

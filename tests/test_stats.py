@@ -135,6 +135,11 @@ def test_figures_do_not_depend_on_how_the_stream_was_cut(
     assert found == counted(protocol, chunks, every_ns=every_ns)
 
 
+def test_a_silence_behind_noise_is_as_long_where_the_noise_was_read_alone() -> None:
+    chunks = talk("lss", 0.3, 0)
+    assert counted("lss", chunks, [3, 4]) == counted("lss", chunks)
+
+
 def told_of(path: Path) -> list[Any]:
     """Return all records, one by one."""
     return list(sniffer.decode(path))
@@ -300,9 +305,21 @@ def test_how_long_a_rule_was_met_lies_between_the_values_around_it(stats: Counti
         sum(b[0] - a[0] for a, b in pairs if a[1] and b[1]),
         sum(b[0] - a[0] for a, b in pairs if a[1] or b[1]),
     ]
+    when = [t_ns for t_ns, is_met in met if is_met]
+    assert [rule[end]["t_ns"] for end in ("first", "last")] == [when[0], when[-1]]
     assert rule["worst"]["value"] == 32
     done = stats.says(path, "--alarm", "3.temperature > 31")
+    begun = bus["first_ns"]
     assert "3.temperature > 31" in done.out
+    seconds = [f"{(t_ns - begun) / 1000 / MS:.3f}" for t_ns in (when[0], when[-1])]
+    assert " ".join(seconds) in " ".join(done.out.split())
+
+
+def test_of_a_rule_that_none_met_no_moment_is_told(stats: Counting) -> None:
+    (rule,) = stats.bus(CAPTURES / "mightyzap_damaged.log", "--alarm", "3.temperature > 99")[
+        "alarms"
+    ]
+    assert (rule["met"], rule["first"], rule["last"], rule["worst"]) == (0, None, None, None)
 
 
 def test_an_input_without_clock_has_no_rates_and_no_times(stats: Counting) -> None:

@@ -91,6 +91,8 @@ def _as_dict(source: str, held: HeldRegister, names: ServoNames) -> dict[str, An
         "role": ROLES[r.role],
         "unit": r.unit,
         "count": held.count,
+        "reads": held.reads,
+        "writes": held.writes,
         "changes": held.changes,
         "first": _said(held, held.first),
         "last": _said(held, held.last),

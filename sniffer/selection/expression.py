@@ -45,6 +45,9 @@ DEPTH_MOST: Final = 50
 DIGITS_MOST: Final = 40
 """Characters of a number: 64-bit integers have 20."""
 
+CLOSE: Final = 3
+"""So many names that contain what was written are told: more are no help."""
+
 EXAMPLE: Final = "servo_id = 3 AND op = 'read'"
 """Shown to who writes nothing."""
 
@@ -130,7 +133,8 @@ def near(name: str, known: Iterable[str]) -> str:
     """Return a question whether a known name was meant, or which there are."""
     names = list(known)
     close = difflib.get_close_matches(name.lower(), names, 1)
-    return f"did you mean {close[0]}?" if close else f"one of {', '.join(names)}"
+    close = close or [each for each in names if name and name.lower() in each.lower()][:CLOSE]
+    return f"did you mean {' or '.join(close)}?" if close else f"one of {', '.join(names)}"
 
 
 class _Parser:

@@ -75,7 +75,7 @@ def _print_bus(
 
 def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
     place = "last at byte" if began_ns is None else "last at s"
-    columns = ("register", "servos", "first", "last", "said", "changes", place)
+    columns = ("register", "servos", "first", "last", "read", "write", "changes", place)
     table = Tabulated(*columns, left=("servos", "first", "last"), whole=("register",))
     alike: dict[tuple[str, str, str], list[HeldRegister]] = {}
     for held in sorted(rows, key=lambda h: (h.register.address, h.register.name, h.servo_id)):
@@ -84,14 +84,15 @@ def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None
     before = ""
     for (name, first, last), mine in alike.items():
         latest = max(mine, key=lambda h: (h.last.t_ns, h.last.offset))
-        said = sum(h.count for h in mine), sum(h.changes for h in mine)
+        said = [sum(getattr(h, n) for h in mine) for n in ("reads", "writes", "changes")]
         at = latest.last.offset if began_ns is None else (latest.last.t_ns - began_ns) / NS
         table.add_row(
             name if name != before else "",
             _whose(mine, names),
             first,
-            last if said[1] else "",
-            *map(str, said),
+            last if said[-1] else "",
+            *(str(n or "") for n in said[:2]),
+            str(said[-1]),
             str(at) if isinstance(at, int) else f"{at:.3f}",
         )
         before = name

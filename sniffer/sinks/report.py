@@ -67,17 +67,22 @@ def _unheard(summary: Summary, where: str) -> Iterator[str]:
     ops = {op for each in every for _, op, _ in each.by_command}
     registers = [r for each in every if each.protocol in PROTOCOLS
                  for r in PROTOCOLS[each.protocol].registers]  # fmt: skip
-    for column, known in (
-        ("op", ops),
-        ("bus", set(summary.buses)),
-        ("register", {r.name for r in registers}),
-        ("quantity", {r.quantity for r in registers if r.quantity}),
-        ("unit", {r.unit for r in registers if r.unit}),
-    ):
+    columns = {
+        "op": ops,
+        "bus": set(summary.buses),
+        "register": {r.name for r in registers},
+        "quantity": {r.quantity for r in registers if r.quantity},
+        "unit": {r.unit for r in registers if r.unit},
+    }
+    for column, known in columns.items():
         listed = re.search(rf"\b{column}\s*(?:=\s*|IN\s*\()((?:'[^']*'(?:,\s*)?)+)", where, re.I)
         for name in re.findall(r"'([^']*)'", listed[1]) if listed else ():
             if name not in known and known:
-                told = near(name, sorted(known))
+                of_another = [other for other, names in columns.items() if name in names]
+                if of_another:
+                    told = f"did you mean {of_another[0]} = {name!r}?"
+                else:
+                    told = near(name, sorted(known))
                 advice = f": {told}" if len(told) < LISTED else ""
                 yield f"{column} {name[:40]!r} is not in it{advice}"
     who = {servo for each in every for servo, _, _ in each.by_command if servo >= 0}

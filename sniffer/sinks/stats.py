@@ -150,7 +150,7 @@ def _tables(
             unreached_table(bus, first),
         ),
         ("values", _values(bus, first)),
-        ("your rules", _alarms(bus)),
+        ("your rules", _alarms(bus, first)),
         ("anomalies", _anomalies(bus, first, width)),
     )
 
@@ -232,7 +232,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     shared = any(c["missing_interval"] for c in asked)
     columns = ("asked", "missing", *(("share", "95 % sure") if shared else ()))
     table = Tabulated("servo", "command", *columns, left=left_of(bus, "command"))
-    for column in ("failed", "retries"):
+    for column in ("damaged", "failed", "retries"):
         table.add_column(column)
 
     def rank(c: Mapping[str, Any]) -> tuple[float, int]:
@@ -243,9 +243,9 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         if shared:
             low, high = c["missing_interval"]
             counts += [percent(c["missing_share"]), f"{number(100 * low)}-{percent(high)}"]
-        table.add_row(
-            who_of(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
-        )
+        damaged = percent(c["damaged"] / c["asked"]) if shared else str(c["damaged"])
+        counts += [damaged, str(c["failed"]), str(c["retries"] or "")]
+        table.add_row(who_of(c, many=many), c["op"], *counts)
     if not shared:
         return table if worst else None
     sound = len(asked) - len(worst)
@@ -255,7 +255,7 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
         n = sum(c["asked"] for c in asked if c not in worst)
         told = f"at most {percent(wilson(0, n)[1])}"
         name = "all others" if worst else "all"
-        table.add_row("", name, str(n), "0", "0 %", told, "0", "")
+        table.add_row("", name, str(n), "0", "0 %", told, "0 %", "0", "")
     return table
 
 
@@ -330,17 +330,24 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
     return table
 
 
-def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
+def _alarms(bus: Mapping[str, Any], first: int) -> Tabulated | None:
     if not bus["alarms"]:
         return None
     clocked = bus["load"] is not None
     long = ("met for s", "of s") if clocked else ("met by", "of values")
-    table = Tabulated("rule", "servo", "times", *long, "worst", left=left_of(bus, "rule"))
+    ends = ("first s", "last s") if clocked else ("at byte",)
+    table = Tabulated("rule", "servo", "times", *long, *ends, "worst", left=left_of(bus, "rule"))
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
         worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {word_of(e['unit'])}"
-        told = (lasted, f"{e['heard_ns'] / NS:.3f}") if clocked else (e["met"], e["values"])
+        told = [lasted, f"{e['heard_ns'] / NS:.3f}"] if clocked else [e["met"], e["values"]]
+        if e["first"] is None:
+            told += [""] * len(ends)
+        elif clocked:
+            told += [seconds_of(e[end]["t_ns"], first, bus) for end in ("first", "last")]
+        else:
+            told.append(e["first"]["offset"])
         table.add_row(e["rule"], who_of(e), str(e["times"]), *map(str, told), worst)
     return table
 

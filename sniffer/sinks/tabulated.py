@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from sniffer.sinks.consoles import glued
+from sniffer.sinks.consoles import GLUE, glued
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -54,15 +54,19 @@ class Tabulated:
         rows = self.rows[:most]
         if not any(isinstance(cell, ServoCell) for row in rows for cell in row):
             return False
+        return not self._has_room(rows, width)
+
+    def _has_room(self, rows: Sequence[Sequence[Text | str | ServoCell]], width: int) -> bool:
+        """Tell whether no word of these rows has to be broken."""
         cells = [*zip_longest(*rows, fillvalue=""), *([()] * len(self._columns))]
         least = map(self._least, self._columns, cells)
-        return sum(least) + _apart(width) * len(self._columns) > width
+        return sum(least) + _apart(width) * len(self._columns) <= width
 
     def _least(self, name: str, cells: Sequence[Text | str | ServoCell]) -> int:
         """Return how narrow a column may be."""
         texts = [name, *(cell.plain if isinstance(cell, Text) else str(cell) for cell in cells)]
         if name in self._left - self._whole:
-            texts = [word for text in texts for word in text.split()]
+            texts = [word for text in texts for word in text.split(" ")]
         return max(map(len, texts))
 
     def table(self, most: int | None, width: int) -> Table:
@@ -72,19 +76,24 @@ class Tabulated:
         named = {
             k for row in self.rows[:most] for k, c in enumerate(row) if isinstance(c, ServoCell)
         }
+        rows = [
+            [c if not isinstance(c, ServoCell) else c.who if bare else str(c) for c in row]
+            for row in self.rows[:most]
+        ]
+        is_roomy = self._has_room(rows, width)
+        if not is_roomy:  # better between a number and its unit than within one of them
+            rows = [[c.replace(GLUE, " ") if isinstance(c, str) else c for c in r] for r in rows]
+            is_roomy = self._has_room(rows, width)
         for k, column in enumerate(self._columns):
-            if k in named and column in self._left:  # none of several names is cut
-                least = None if bare else self._least(column, [row[k] for row in self.rows[:most]])
+            if column in self._left - self._whole:  # no word is broken where all have room
+                least = self._least(column, [row[k] for row in rows]) if is_roomy else None
                 out.add_column(column, overflow="fold", min_width=least)
             elif column in self._whole or k in named:
                 out.add_column(column, no_wrap=True)
-            elif column in self._left:
-                out.add_column(column, overflow="fold")
             else:
                 out.add_column(column, justify="right", no_wrap=True)
-        for row in self.rows[:most]:
-            told = (c if not isinstance(c, ServoCell) else c.who if bare else str(c) for c in row)
-            out.add_row(*told)
+        for row in rows:
+            out.add_row(*row)
         return out
 
 

@@ -12,7 +12,7 @@ from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.keys import pair_key, pair_of
-from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
+from sniffer.ground.codes import DAMAGED, NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO
 from sniffer.statistics.cycles import Cycles, Loop, Periods
@@ -26,7 +26,17 @@ TIMED: Final = 256
 """Servos times commands whose times are kept, the first ones met: 16 servos that are asked 16
 things are as many. Each takes 32 kB, and twice that for what it asks again and again."""
 
-_SUMS: Final = ("requests", "responses", "bytes", "asked", "ok", "missing", "failed", "unasked")
+_SUMS: Final = (
+    "requests",
+    "responses",
+    "bytes",
+    "asked",
+    "ok",
+    "missing",
+    "damaged",
+    "failed",
+    "unasked",
+)
 
 Z95: Final = 1.959963984540054
 """The normal distribution's 97.5 % point: an interval that holds in 95 of 100 cases."""
@@ -71,9 +81,9 @@ class CommandFigures:
     """One command of one servo; servo -1 is nobody's.
 
     ``asked`` are requests whose answer had to come, ``failed`` those of them that had none that
-    fits (``missing``: nothing at all), ``unasked`` answers that fit no request and are none
-    that come of their own once something is done. ``periods`` are of all that it asks, ``loop`` is
-    what it asks most often; None: nothing twice.
+    fits (``missing``: nothing at all; ``damaged``: one that was torn), ``unasked`` answers that fit
+    no request and are none that come of their own once something is done. ``periods`` are of all
+    that it asks, ``loop`` is what it asks most often; None: nothing twice.
     """
 
     servo_id: int
@@ -84,6 +94,7 @@ class CommandFigures:
     asked: int
     ok: int
     missing: int
+    damaged: int
     failed: int
     unasked: int
     retries: int
@@ -155,6 +166,7 @@ class CommandBook:
             asked=wanted,
             ok=wanted & (t.outcome == OK),
             missing=wanted & (t.outcome == NO_RESPONSE),
+            damaged=wanted & (t.outcome == DAMAGED),
             failed=wanted & np.isin(t.outcome, FAILED),
             unasked=unasked(batch),
         )

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 class ExceedingFigures:
     """One rule and one servo: times in ns, ``count`` values of which ``met`` meet the rule.
 
-    ``spans`` are runs of such values; ``worst`` the value furthest beyond the limit, None where the
-    rule knows no side (``==``, ``!=``) or none meets it. ``heard_ns`` is from the first value to
-    the last one.
+    ``spans`` are runs of such values, ``first`` and ``last`` the ends of them; ``worst`` the value
+    furthest beyond the limit, None where the rule knows no side (``==``, ``!=``) or none meets it.
+    ``heard_ns`` is from the first value to the last one.
     """
 
     rule: str
@@ -44,6 +44,8 @@ class ExceedingFigures:
     least_ns: int = 0
     most_ns: int = 0
     heard_ns: int = 0
+    first: Extreme | None = None
+    last: Extreme | None = None
     worst: Extreme | None = None
 
 
@@ -76,13 +78,19 @@ class _Exceeding:
         mine.most_ns += int(took[met | before].sum())
         mine.spans += int((met & ~before).sum())
         self._last[who] = int(found.t_ns[-1]), bool(met[-1])
-        sign = {">": 1, "<": -1}.get(self._alarm.op[0], 0)
-        if sign and met.any():
-            k = int((sign * found.value).argmax())
-            value = float(found.value[k])
-            if mine.worst is None or sign * value > sign * mine.worst.value:
-                at = batch.base + int(batch.frames.start[found.row[k]])
-                mine.worst = Extreme(value, int(found.t_ns[k]), at)
+        if not met.any():
+            return
+
+        def said(k: int) -> Extreme:
+            at = batch.base + int(batch.frames.start[found.row[k]])
+            return Extreme(float(found.value[k]), int(found.t_ns[k]), at)
+
+        rows = np.flatnonzero(met)
+        mine.first, mine.last = mine.first or said(int(rows[0])), said(int(rows[-1]))
+        if sign := {">": 1, "<": -1}.get(self._alarm.op[0], 0):
+            worst = said(int((sign * found.value).argmax()))
+            if mine.worst is None or sign * worst.value > sign * mine.worst.value:
+                mine.worst = worst
 
 
 class Exceedings:

@@ -13,7 +13,7 @@ from sniffer.ground.model import Clock
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
 
 GOAL: Final = "goal_position"
 POSITION: Final = "position"
@@ -104,10 +104,16 @@ class BusSilence:
     longest: PauseHeard | None = None
     _last: AnswerHeard | None = None
 
-    def hear(self, begun: I64, said: AnswerColumns) -> None:
-        """Take what was said next, in the order of the wire; ``said`` are its ends."""
+    def hear(self, begun: I64, said: AnswerColumns, is_frame: Mask) -> None:
+        """Take what was said next, in the order of the wire; ``said`` are its ends.
+
+        Stamps of noise are as uncertain as those of the frame before it, of none before: unknown.
+        """
         if not len(begun):
             return
+        before = -1 if self._last is None else self._last.spread_ns
+        of = np.maximum.accumulate(np.where(is_frame, np.arange(len(begun)), -1))
+        said = said._replace(spread_ns=np.where(of < 0, before, said.spread_ns[of]))
         if self._last is not None:
             said = AnswerColumns(*(np.append(a, b) for a, b in zip(self._last, said, strict=True)))
             begun = np.append(self._last.t_ns, begun)

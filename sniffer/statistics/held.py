@@ -41,7 +41,8 @@ class StatedValue(NamedTuple):
 class HeldRegister:
     """One register of one servo: what was first and last said of it, how often, what changed.
 
-    ``servo_id`` may be one that all servos listen to: what was written to all is theirs, too.
+    ``count``: how often it was said in all, ``writes`` of them by a request. ``servo_id`` may be
+    one that all servos listen to: what was written to all is theirs, too.
     """
 
     bus: str
@@ -50,8 +51,14 @@ class HeldRegister:
     register: Register
     first: StatedValue
     last: StatedValue
-    count: int = 1
+    count: int = 0
+    writes: int = 0
     changes: int = 0
+
+    @property
+    def reads(self) -> int:
+        """How often the servo said it."""
+        return self.count - self.writes
 
 
 class RegisterBook:
@@ -97,12 +104,13 @@ class RegisterBook:
             mine = self._held.get(key)
             if mine is None:
                 what = protocol.registers[key[2]]
-                mine = HeldRegister(bus, protocol, key[1], what, said(begin), said(begin), 0)
+                mine = HeldRegister(bus, protocol, key[1], what, said(begin), said(begin))
             changes += int(raw[begin] != mine.last.raw)
             self._held[key] = replace(
                 mine,
                 last=said(end - 1),
                 count=mine.count + end - begin,
+                writes=mine.writes + int(written[begin:end].sum()),
                 changes=mine.changes + changes,
             )
 

@@ -74,16 +74,16 @@ class WireBytes:
         f, gaps = batch.frames, Gaps.of(batch.gaps)
         if len(f):
             self.heard.take(protocol.name, f)
-        spread = int(f.uncertainty.max()) if len(f) else -1
         columns = (
             (f.t_start, gaps.t_ns - gaps.length * self.byte_ns),
             (f.t_end, gaps.t_ns),
-            (f.uncertainty, np.full(len(gaps), spread)),
+            (f.uncertainty, np.full(len(gaps), -1)),
             (f.start + batch.base, gaps.start + batch.base),
         )
         begun, *said = (np.concatenate(both) for both in columns)
         order = np.argsort(said[-1], kind="stable")
-        self.silence.hear(begun[order], AnswerColumns(*(column[order] for column in said)))
+        ends = AnswerColumns(*(column[order] for column in said))
+        self.silence.hear(begun[order], ends, order < len(f))
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""

@@ -150,6 +150,7 @@ def _command(
         "missing": c.missing,
         "missing_share": c.missing_share if shared else None,
         "missing_interval": list(wilson(c.missing, c.asked)) if c.asked and shared else None,
+        "damaged": c.damaged,
         "failed": c.failed,
         "unasked": c.unasked,
         "retries": c.retries,
@@ -337,5 +338,7 @@ def _alarm(e: ExceedingFigures) -> dict[str, Any]:
         "times": e.spans,
         "met_ns": [e.least_ns, e.most_ns],
         "heard_ns": e.heard_ns,
+        "first": _extreme(e.first),
+        "last": _extreme(e.last),
         "worst": _extreme(e.worst),
     }

@@ -203,6 +203,7 @@ def test_which_servo_lost_most_answers_and_how_sure_that_is(capture: Capture, as
         lost = sum(r["outcome"] == "no_response" for r in rows)
         mine = told[key]
         assert mine["missing"] == lost, key
+        assert mine["damaged"] == sum(r["outcome"] == "damaged" for r in rows), key
         if not mine["asked"]:
             continue
         assert mine["asked"] == n, key
