@@ -235,7 +235,7 @@ class Case:
     @functools.cached_property
     def happenings(self) -> Happenings:
         """Events one by one: anomalies, settings, remarks."""
-        return self.ledger.happenings()
+        return self.ledger.events.rows()
 
     @functools.cached_property
     def _values(self) -> Table:

@@ -13,6 +13,7 @@ from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger import Ledger
 from sniffer.diagnosis.rest import rest_of
 from sniffer.diagnosis.shared import shared
+from sniffer.diagnosis.withheld import with_withheld
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.wording import counted
 
@@ -82,7 +83,7 @@ class Diagnosis:
             self._take(name)
         first = {ledger.bus: ledger for ledger in reversed(self._ledgers.values())}
         return [
-            Case(ledger, speaks_first=first[ledger.bus] is ledger)
+            Case(with_withheld(ledger), speaks_first=first[ledger.bus] is ledger)
             for ledger in self._ledgers.values()
         ]
 

@@ -67,6 +67,18 @@ class Events:
             if self._waiting > _WAIT:
                 self.rows()
 
+    def copy(self) -> Events:
+        """Return the same rows, to which others can be added."""
+        out = Events()
+        out._parts, out._waiting = list(self._parts), self._waiting
+        return out
+
+    def sort(self) -> None:
+        """Put rows that came later than their place in the stream where they belong."""
+        if self._parts:
+            rows = Happenings.concat(self._parts)
+            self._parts = [rows.take(np.lexsort((rows.at, rows.kind)))]
+
     def rows(self) -> Happenings:
         """Return what is kept: by kind, and each in the order of the stream."""
         if not self._parts:

@@ -15,8 +15,9 @@ from sniffer.anomalies.found import CODES, Anomalies
 from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.damage import Damages
-from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
+from sniffer.diagnosis.events import ANOMALY, REMARK, Events, happened
 from sniffer.diagnosis.exchanges import Exchanges
+from sniffer.diagnosis.excused import Excused
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.keys import pair_key, request_key
@@ -120,6 +121,7 @@ class Ledger:
         self.unnamed = UnnamedWrites(protocol)
         self.unclaimed = Unclaimed()
         self.unproven = Unproven(protocol)
+        self.excused = Excused(protocol)
         self.is_shared = False
         """Whether another protocol is on the same wire."""
         self.head = b""
@@ -139,7 +141,7 @@ class Ledger:
 
     def add(self, batch: Batch) -> None:
         """Take what one pass decided."""
-        batch = self.unproven.without(batch)
+        batch = self.excused.without(self.unproven.without(batch))
         self.clock = batch.clock
         self.bytes += len(batch.data)
         if batch.base < HEAD:
@@ -147,11 +149,12 @@ class Ledger:
         self.models.update(batch.models)
         self._remarks(batch)
         if len(batch.anomalies):
-            self._alarms(batch, Anomalies.of(batch.anomalies))
+            self.count_alarms(Anomalies.of(batch.anomalies))
+            self.second_answers.add(batch, self.damages.likes)
         f = batch.frames
         self._line(batch)
         if len(batch.transactions):
-            self._answers(batch)
+            self.count_answers(batch)
             self.silences.add(batch)
             self.refusals.add(batch)
             self.optional.add(batch)
@@ -207,7 +210,8 @@ class Ledger:
             t_last=f.t_end,
         )
 
-    def _answers(self, batch: Batch) -> None:
+    def count_answers(self, batch: Batch) -> None:
+        """Count in what became of the requests of a batch."""
         t, f = batch.transactions, batch.frames
         told = np.flatnonzero(t.outcome != NOT_EXPECTED)
         if not len(told):
@@ -364,7 +368,8 @@ class Ledger:
                 t_last=gaps.t_ns,
             )
 
-    def _alarms(self, batch: Batch, found: Anomalies) -> None:
+    def count_alarms(self, found: Anomalies) -> None:
+        """Count anomalies in, and keep them one by one."""
         code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
         self.alarms.add(
             found.t_ns,
@@ -377,7 +382,6 @@ class Ledger:
             t_last=found.t_ns,
         )
         self.events.add(happened(ANOMALY, code, servo, found.t_ns, found.at, found.length))
-        self.second_answers.add(batch, found, self.damages.likes)
 
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:
@@ -394,7 +398,3 @@ class Ledger:
     def heard_from(self, servo_id: int) -> bool:
         """Tell whether a servo answered at least once."""
         return servo_id in self.silences.heard
-
-    def happenings(self) -> Happenings:
-        """Return the events that are kept."""
-        return self.events.rows()

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.anomalies.found import NUMBER
+from sniffer.anomalies.found import NUMBER, Anomalies
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.anomalies.found import Anomalies
     from sniffer.diagnosis.likes import Likes, RequestBefore
     from sniffer.ground.model import Batch
 
@@ -43,8 +42,9 @@ class SecondAnswers:
         """The first of them, in the order of the stream."""
         return self._kept
 
-    def add(self, batch: Batch, found: Anomalies, likes: Likes) -> None:
+    def add(self, batch: Batch, likes: Likes) -> None:
         """Take those of a batch; ``likes`` has the batches before it."""
+        found = Anomalies.of(batch.anomalies)
         mine = np.flatnonzero(found.code == NUMBER["duplicate-response"])
         f = batch.frames
         for k in mine[: KEPT - len(self._kept)].tolist():

@@ -49,6 +49,12 @@ FINDINGS: Final = (
         "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each; or it is away once, and two others twice or more each. Others miss nothing.",
     ),
     FindingCode(
+        "all-away-at-once",
+        "pairing",
+        "All servos go away in the same moments, and come back.",
+        "Two servos or more answer, and each is away when all others are, in nine of ten of its silences of two requests and more.",
+    ),
+    FindingCode(
         "torque-survives",
         "pairing",
         "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
@@ -86,6 +92,9 @@ FEW: Final = 0.05
 
 SAME_QUESTION: Final = 0.9
 """Part of the silences that must begin with one request: of many, another one may get lost, too."""
+
+NEARLY_ALL: Final = 0.9
+"""Part of the silences of each servo that must be those of all: one may miss a moment of its own."""
 
 SELDOM: Final = 1 / 3
 """Who is asked mostly one thing loses mostly that, whatever the reason."""
@@ -156,7 +165,8 @@ def together(case: Case) -> Iterator[Finding]:
     """Tell which servos are away when another one is."""
     runs = {s: case.ledger.silences.runs(s) for s in case.answering}
     if sum(not r for r in runs.values()) < 1:
-        return  # where all are away it is no matter of one place
+        yield from _all_at_once(case)  # no matter of one place
+        return
     for servo, mine in runs.items():
         others = {other: theirs for other, theirs in runs.items() if other != servo and theirs}
         if not mine or not others:
@@ -184,6 +194,28 @@ def together(case: Case) -> Iterator[Finding]:
         elif min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
             what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
             yield _told("others-away-too", servo, mine, what, LESS)
+
+
+def _all_at_once(case: Case) -> Iterator[Finding]:
+    """Tell whether all servos are away in the same moments."""
+    runs = {
+        servo: [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
+        for servo in case.answering
+    }
+    if len(runs) < TWICE or not all(runs.values()):
+        return
+    both = {
+        servo: sum(
+            all(_overlaps(one, theirs) for other, theirs in runs.items() if other != servo)
+            for one in mine
+        )
+        for servo, mine in runs.items()
+    }
+    if any(both[servo] < NEARLY_ALL * len(mine) for servo, mine in runs.items()):
+        return
+    for servo, mine in runs.items():
+        what = f"in {both[servo]} of {len(mine)} silences of servo {servo} all {len(runs)} are away"
+        yield _told("all-away-at-once", servo, mine, what, 1.0)
 
 
 def _overlaps(one: Silence, others: Sequence[Silence]) -> bool:

@@ -141,9 +141,10 @@ def goal_limits(case: Case) -> Iterator[Finding]:
         limits = _limits(case, servo, goals.register) if goals is not None else None
         if goals is None or limits is None:
             continue
-        low, high = limits
+        low, high, since_ns = limits
         spare = abs(unseen_scale(goals.register)) * 1.01
-        rows = np.flatnonzero((goals.low < low - spare) | (goals.high > high + spare))
+        beyond = (goals.low < low - spare) | (goals.high > high + spare)
+        rows = np.flatnonzero(beyond & (goals.t_first >= since_ns))
         if not len(rows) or may_be_torn(case, len(rows)):
             continue
         over, under = float(goals.high[rows].max()), float(goals.low[rows].min())
@@ -172,8 +173,11 @@ def _surely_beyond(goals: Series, rows: I64, low: float, high: float) -> int:
     return int(np.where(whole, goals.n[rows], ends).sum())
 
 
-def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float] | None:
-    """Return the widest limits that the servo had, in the goal's unit; None: not both are known."""
+def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float, int] | None:
+    """Return the widest limits that the servo had, in the goal's unit; None: not both are known.
+
+    And since when they are known: what was read was so before, what was written only since then.
+    """
     registers = case.protocol.registers
     names = sorted(
         {r.name for r in registers if r.bounds == goal.quantity and r.model == goal.model}
@@ -190,7 +194,11 @@ def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float] | Non
         for number, raw in zip(rows.what.tolist(), rows.after.tolist(), strict=True)
         if registers[number].model == goal.model
     ]
-    return (min(values), max(values)) if values and min(values) < max(values) else None
+    if not values or min(values) == max(values):
+        return None
+    firsts = [(int(rows.t_ns[0]), bool(rows.written[0])) for rows in found]
+    since_ns = max((t_ns for t_ns, is_written in firsts if is_written), default=0)
+    return min(values), max(values), since_ns
 
 
 def writes(case: Case) -> Iterator[Finding]:
@@ -320,15 +328,18 @@ def _kept(case: Case) -> dict[int, _Kept]:
     for i in range(len(w["register"])):
         register, servo = case.protocol.registers[int(w["register"][i])], int(w["servo_id"][i])
         n = int(w["n"][i]) - int(w["refused"][i])
+        is_one = bool(w["low"][i] == w["high"][i])
+        # who is given another id is another servo
+        is_moved = register.effect == "servo_id" and not (is_one and w["low"][i] == servo)
         if (
             register.volatile
+            or is_moved
             or "w" not in register.access
             or n <= (out[servo][1] if servo in out else 0)
         ):
             continue
         span = int(w["t_first"][i]), int(w["t_last"][i])
         place = Place(int(w["at"][i]), int(w["length"][i]), span[0], f"writes {register.name}")
-        is_one = bool(w["low"][i] == w["high"][i])
         out[servo] = register.name, n, span, place, is_one
     return out
 
