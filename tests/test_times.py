@@ -15,6 +15,7 @@ from sniffer.ground.limits import DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
+from tests.conversations import robot, through_usb
 from tests.records import batches, records
 from tests.streams import stream
 
@@ -169,3 +170,16 @@ def test_a_late_tap_and_its_adapter_add_up() -> None:
     ]
     parts = batches(Decoder("mightyzap", latency_ns=16 * MS), [chunks])
     assert [x for b in parts for x in b.transactions.uncertainty_ns.tolist()] == [56 * MS]
+
+
+@pytest.mark.parametrize("handed_over_ms", [120, 250])
+def test_a_frame_that_is_handed_over_in_two_reads_is_torn_by_no_silence(
+    handed_over_ms: int,
+) -> None:
+    """A bridge that flushes seldom: nothing crosses 100 ms of silence, and here is none."""
+    talk = robot("mightyzap", 8)
+    how = Decoder(PROTOCOLS["mightyzap"], baud=talk.baud, latency_ns=handed_over_ms * MS)
+    told = [how.feed(chunk) for chunk in through_usb(talk.chunks, handed_over_ms)]
+    told.append(how.close())
+    assert sum(len(batch.frames) for batch in told) == len(talk.chunks)
+    assert not any(len(batch.gaps) for batch in told)

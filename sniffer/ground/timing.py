@@ -54,7 +54,7 @@ class Stamps(Remembering):
 
     Args:
         baud: the rate by which bytes are laid out.
-        tail_ns: the protocol's; a longer silence is a barrier.
+        tail_ns: the protocol's; a longer silence is a barrier, if no adapter holds bytes so long.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
         base: offset of the first byte.
         slowest: the slowest that the line may be; pauses are reckoned by it. ``baud`` where None.
@@ -197,7 +197,8 @@ class Stamps(Remembering):
         pause -= np.concatenate([[self._open_ns], longer[:-1]])
         self._open_ns = int(longer[-1])
         # When bytes without a stamp were over nobody knows: there may be no pause behind them.
-        return slack, beside & told & (pause > self._tail_ns)
+        # A frame that an adapter hands over in two reads is none that silence cuts.
+        return slack, beside & told & (pause > np.maximum(usual, self._tail_ns))
 
     def _reckoned(self, lull: I64, latency: I64) -> I64:
         """Return the slacks: each is the lull and the slack before it, from none to the latency.
@@ -236,8 +237,9 @@ class Stamps(Remembering):
         return self._last or 0
 
     def silent_since(self, now_ns: int) -> bool:
-        """Tell whether the line has been silent for longer than the protocol's tail time."""
-        return self._last is not None and now_ns - self._last > self._tail_ns
+        """Tell whether the line has been silent for so long that nothing crosses it."""
+        usual_ns = int(_USUAL_NS[self.clock]) if self._latency_ns is None else self._latency_ns
+        return self._last is not None and now_ns - self._last > max(self._tail_ns, usual_ns)
 
     def forget(self, offset: int) -> None:
         """Drop the rows of chunks that end at or before ``offset``."""

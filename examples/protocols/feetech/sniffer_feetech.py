@@ -123,7 +123,7 @@ FAMILY: Final = PacketFamily(
     # longer, and nobody states one.
     window_ns=10_000_000,
     # Who asks anew does so later than this, and what he asks may fit as the answer that is missing.
-    tail_ns=15_000_000,
+    tail_ns=20_000_000,  # above the 16 ms for which adapters hold bytes
     certain=0x80,  # bits 6 and 7 of an error byte have no meaning
     doubt=True,
     silent=(BROADCAST,),

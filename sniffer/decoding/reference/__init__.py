@@ -28,7 +28,7 @@ from sniffer.ground.codes import (
     UNSOLICITED,
 )
 from sniffer.ground.model import ECHO, Chunk, Clock
-from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -83,11 +83,13 @@ class Reference:
         data = bytearray()
         silences: list[int] = []
         last: int | None = None
+        ever = Clock.NONE
         for chunk in chunks:
             n = len(chunk.data)
             if not n:
                 continue
             clock = clock_of(chunk)
+            ever = max(ever, clock)
             if chunk.t_ns is None:
                 t = (last if last is not None else 0) + n * self.byte_ns
             else:
@@ -95,7 +97,7 @@ class Reference:
                 # A nominal time says nothing of the pause behind it.
                 told = last is not None and clocks[-1] != Clock.NONE
                 lull = t - n * self.byte_ns - (last or 0) if told else 0
-                if lull > self.protocol.tail_ns:
+                if lull > max(self.protocol.tail_ns, LATENCY_NS[ever]):
                     silences.append(len(data))
             times += [t - (n - 1 - k) * self.byte_ns for k in range(n)]
             clocks += [clock] * n
