@@ -177,7 +177,7 @@ def test_a_frame_that_is_handed_over_in_two_reads_is_torn_by_no_silence(
     handed_over_ms: int,
 ) -> None:
     """A bridge that flushes seldom: nothing crosses 100 ms of silence, and here is none."""
-    talk = robot("mightyzap", 8)
+    talk = robot("mightyzap", 20, rate_hz=17.3, baud=57600)
     how = Decoder(PROTOCOLS["mightyzap"], baud=talk.baud, latency_ns=handed_over_ms * MS)
     each = [
         Chunk(chunk.data[k : k + 1], chunk.t_ns - (len(chunk.data) - 1 - k) * talk.byte_ns)
