@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from sniffer.ground.model import Severity
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.commands import damaged, log, records, talk, within
+from tests.conversations import robot, through_usb
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -247,3 +249,30 @@ def test_the_summary_alone_can_be_json_too(capsys: Capsys) -> None:
     path = CAPTURES / "wck_damaged.log"
     ran = within(capsys, "decode", path, "--format", "jsonl", "--summary")
     assert records(ran.out) == records(decoded(path.name))[-1:]
+
+
+def test_lines_that_are_read_again_are_as_uncertain_as_what_they_are_of(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """The chunks are lost, by which it was told how long an adapter held the bytes."""
+    log, lines = tmp_path / "held.log", tmp_path / "held.jsonl"
+    log.write_text(
+        "".join(
+            f"({chunk.t_ns / 1e9:.6f}) arm #{chunk.data.hex()}\n"
+            for chunk in through_usb(robot("mightyzap", 6, rate_hz=37).chunks, 19)
+            if chunk.t_ns is not None
+        ),
+        encoding="ascii",
+    )
+    ran = within(capsys, "decode", log, "--baud", "115200", "-q", "-o", lines)
+    assert ran.status == 0, ran.err
+
+    def unsure(path: Path) -> list[int]:
+        told = within(capsys, "decode", path, "--baud", "115200", "--format", "jsonl").out
+        rows = map(json.loads, told.splitlines())
+        return [row["uncertainty_ns"] for row in rows if row["type"] == "frame"]
+
+    before, again = unsure(log), unsure(lines)
+    assert max(before) > 10_000_000
+    assert all(b >= a for a, b in zip(before, again, strict=True))
+    assert within(capsys, "diagnose", lines, "--baud", "115200").out.startswith("nothing is wrong")

@@ -10,7 +10,8 @@ import json
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import OFFSET_END, is_time
-from sniffer.ground.model import Chunk, Clock, Direction, InputError
+from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, Mark, MarkKind
+from sniffer.ground.timing import LATENCY_NS
 from sniffer.ground.wording import plain
 from sniffer.sources.text import PAUSE, DamagedLine, Opened, arriving, quoted
 
@@ -25,6 +26,9 @@ SELECTION: Final = "selection"
 
 TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary", SELECTION}
 """Record types that this tool writes."""
+
+HELD_MOST_NS: Final = 3600 * NS
+"""Nobody holds bytes for longer: what says so is no time."""
 
 _CLOCKS: Final = {clock.name.lower(): clock for clock in Clock}
 _DIRECTIONS: Final = {d.name: d for d in Direction}
@@ -63,7 +67,8 @@ class _Stream:
         self._due[bus] = offset + len(data)
         t_ns, clock = self._time(record, number)
         wire = _DIRECTIONS.get(str(record.get("direction")), Direction.UNKNOWN)
-        return Chunk(data, t_ns, clock, bus, wire) if data else None
+        marks = _unsure(record, clock, len(data))
+        return Chunk(data, t_ns, clock, bus, wire, marks) if data else None
 
     def _time(self, record: Mapping[str, Any], number: int) -> tuple[int | None, Clock]:
         t_ns, name = record.get("t_ns"), record.get("clock")
@@ -83,6 +88,20 @@ class _Stream:
             yield f"{self.missing} bytes are missing between the records: were gaps filtered out?"
         if self.cut_off:
             yield "the last line is cut off and left out"
+
+
+def _unsure(record: Mapping[str, Any], clock: Clock, length: int) -> tuple[Mark, ...]:
+    """Return what is said of a time that is less certain than those of its clock are.
+
+    An adapter held the bytes for longer than adapters do, or somebody said so. Stamps of a logic
+    capture are left out, and what is little more: so unsure is how long the bytes took.
+    """
+    told = record.get("uncertainty_ns")
+    if type(told) is not int or clock not in (Clock.FILE, Clock.READ):
+        return ()
+    usual = LATENCY_NS[clock]
+    more = min(told, HELD_MOST_NS) - usual
+    return (Mark(MarkKind.COARSE, 0, length, more),) if more > usual else ()
 
 
 def _plain(name: object) -> bool:
