@@ -28,7 +28,7 @@ def test_a_byte_is_explained_with_what_was_found_there(capsys: Capsys) -> None:
     found = [r for r in map(json.loads, out.splitlines()) if r["type"] == "anomaly"]
     for one in found[::7]:
         at = one["evidence"][0][0]
-        for place in (str(at), f"bus0:{at}"):
+        for place in (str(at), f"bus0:{at}", f"byte:{at}", f"byte:bus0:{at}"):
             head, *_ = within(capsys, "explain", f"{CAPTURE}@{place}").out.splitlines()
             assert f"{one['code']}: {one['detail']}" in head
 

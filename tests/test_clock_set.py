@@ -12,6 +12,7 @@ import pytest
 
 import sniffer
 from sniffer.ground.heard import SET_BACK_NS, HeardSpan, was_set
+from sniffer.ground.model import NS
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -106,6 +107,17 @@ def test_protocols_of_one_wire_are_told_one_behind_the_other_and_no_clock_was_se
     heard.take("a", frames.take(slice(0, half)))
     heard.take("b", frames.take(slice(len(frames) - 1, None)))
     assert heard.ns == int(frames.t_end[-1] - frames.t_start[0])
+
+
+def test_of_two_protocols_one_that_fell_silent_before_the_clock_was_set_counts_no_step() -> None:
+    (_, _, batch), *_ = sniffer.decode(CAPTURE).batches
+    frames, heard = batch.frames, HeardSpan()
+    half = len(frames) // 2
+    back = frames.take(slice(half, None))
+    heard.take("a", frames.take(slice(0, half)))
+    heard.take("b", frames.take(slice(0, half)))
+    heard.take("b", back.having(t_end=back.t_end - 3600 * NS, t_start=back.t_start - 3600 * NS))
+    assert 0 < heard.ns < int(frames.t_end[-1] - frames.t_start[0]) + 1
 
 
 def test_what_is_heard_in_parts_was_heard_as_long_as_in_one(summer_ends: Path) -> None:

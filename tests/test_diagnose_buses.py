@@ -109,17 +109,26 @@ def wires(protocol: str, asked: str, answered: str, *, seed: int = 1) -> list[st
     ]
 
 
+@pytest.mark.parametrize(
+    ("asked", "answering", "files"),
+    [("ctl", "srv", ("ctl", "srv")), ("/dev/tty0", "/dev/tty1", ("_dev_tty0", "_dev_tty1"))],
+)
 def test_two_buses_that_are_the_wires_of_one_line_are_told_so(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    asked: str,
+    answering: str,
+    files: tuple[str, str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     """They were sent to tap anew, twice."""
-    path = beside(tmp_path / "a.log", wires("mightyzap", "ctl", "srv"))
+    path = beside(tmp_path / "a.log", wires("mightyzap", asked, answering))
     words = told(capsys, path)
-    assert "What is asked on ctl is answered on srv, by the same servos at one time (incid" in words
-    assert "`sniffer merge wire-ctl.mcap wire-srv.mcap --pair -o bus.mcap` make them one" in words
+    assert f"What is asked on {asked} is answered on {answering}, by the same servos at o" in words
+    both = [tmp_path / f"wire-{name}.mcap" for name in files]
+    first, second = (path.name for path in both)
+    assert f"`sniffer merge {first} {second} --pair -o bus.mcap` make them one" in words
     assert "likelier" not in words
     assert within(capsys, "cut", path, "--split", "bus", "-o", tmp_path / "wire.mcap").status == 0
-    both = [tmp_path / f"wire-{bus}.mcap" for bus in ("ctl", "srv")]
     bus = tmp_path / "bus.mcap"
     assert within(capsys, "merge", *both, "--pair", "-o", bus).status == 0
     assert told(capsys, bus).startswith("nothing is wrong")

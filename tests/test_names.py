@@ -118,6 +118,17 @@ def test_a_name_of_a_bus_that_cannot_be_is_refused_in_a_line(told: str) -> None:
     assert "write ID=NAME or BUS:ID=NAME" in done.complaint
 
 
+def test_a_name_in_a_file_that_is_too_long_is_told_with_the_file(tmp_path: Path) -> None:
+    long = "left_shoulder_pitch_actuator_of_the_upper_arm"
+    names = tmp_path / "names.toml"
+    names.write_text(f'[names]\n1 = "{long}"\n')
+    done = sniffer("decode", CLEAN, "--name", names)
+    assert done.status == 2
+    assert "names.toml: " in done.complaint
+    assert f"1='{long}'" in done.complaint
+    assert "at most 32 signs" in done.complaint
+
+
 def test_a_name_of_a_bus_that_is_not_there_is_told_in_a_line(tmp_path: Path) -> None:
     both = two_buses(tmp_path, "--name", "arm:1=elbow")
     done = sniffer("stats", both, "-q", "--name", "lge:1=knee")

@@ -75,10 +75,13 @@ def names_of(
         for servo, name in told.items():
             key = named_in(servo, OF_BUS)
             if key is None or not isinstance(name, str) or not is_name(name):
+                wrong = f"{servo[:20]}={str(name)!r:.80}"
+                how = f"an id of 0..255 and a name of at most {NAME_MOST} signs"
                 raise click.BadParameter(
-                    f"{servo[:20]}={str(name)[:40]!r}: write ID=NAME or BUS:ID=NAME with an id of "
-                    f"0..255 and a name of at most {NAME_MOST} signs, or name a file that has a "
+                    f"{wrong}: write ID=NAME or BUS:ID=NAME with {how}, or name a file that has a "
                     "table [names]"
+                    if equals
+                    else f"{text}: {wrong} in its table [names]: a line has {how}"
                 )
             out[key] = name
     return out

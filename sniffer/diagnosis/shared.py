@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
-from sniffer.ground.wording import and_
+from sniffer.ground.wording import and_, in_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -59,7 +59,7 @@ _WIRES: Final = (
     "What is asked on {asked} is answered on {answering}, by the same servos at one time "
     "(incidents {mine}): they are likely the two wires of one line; "
     "`sniffer cut FILE --split bus -o wire.mcap` and "
-    "`sniffer merge wire-{asked}.mcap wire-{answering}.mcap --pair -o bus.mcap` "
+    "`sniffer merge wire-{first}.mcap wire-{second}.mcap --pair -o bus.mcap` "
     "make them one bus, `sniffer record --pair` does while it records."
 )
 
@@ -114,7 +114,10 @@ def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Sha
         may = [i for i in answered if _may_answer(by_bus[i.bus], by_bus[asked.bus])]
         # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
         if len(may) == 1:
-            yield _shared((asked, *may), _WIRES, asked=asked.bus, answering=may[0].bus)
+            wires = asked.bus, may[0].bus
+            files = dict(zip(("first", "second"), map(in_name, wires), strict=True))
+            named = dict(zip(("asked", "answering"), wires, strict=True))
+            yield _shared((asked, *may), _WIRES, **named, **files)
 
 
 def _may_answer(servos: Case, controller: Case) -> bool:

@@ -56,9 +56,10 @@ class HeardSpan:
     @property
     def ns(self) -> int:
         """How long it was, none where nothing was heard."""
-        if self.first_ns is None or self.last_ns is None:
+        if self.first_ns is None:
             return 0
-        return max(self.last_ns - self.first_ns + max(self._set.values(), default=0), 0)
+        lasts = (last + self._set[protocol] for protocol, last in self._lasts.items())
+        return max(max(lasts) - self.first_ns, 0)
 
     def take(self, protocol: str, frames: Frames) -> None:
         """Take frames of a protocol, of which there is one at least."""

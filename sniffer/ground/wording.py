@@ -15,6 +15,9 @@ WORD: Final = 300
 LINE: Final = 4000
 """A message is no longer than this."""
 
+_ODD: Final = re.compile(r"[^\w.-]+")
+"""What of the name of a bus does not go into that of a file."""
+
 _LONG: Final = re.compile(rf"\S{{{WORD + 1},}}")
 
 
@@ -42,6 +45,11 @@ def one_line(message: str) -> str:
 def and_(words: list[str]) -> str:
     """Return words as a list that people read: ``a, b and c``."""
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)
+
+
+def in_name(bus: str) -> str:
+    """Return a bus as the name of a file can have it: ``_`` for what paths do not hold."""
+    return _ODD.sub("_", bus)
 
 
 def sums_in_words(got: int, expected: int) -> str:

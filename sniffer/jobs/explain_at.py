@@ -48,7 +48,8 @@ def place_of(text: str) -> tuple[Path, CapturePlace]:
 
     A time, as in ``FILE@-5s`` or ``FILE@20:35:20.5``, is the first thing said from there on.
 
-    A bus that is called like a code is named as in ``FILE@byte:no-response:12175``.
+    ``FILE@byte:12175`` is the first of them. A bus that is called like a code, or ``byte``, is
+    named as in ``FILE@byte:no-response:12175``.
 
     Raises:
         InputError: it is nothing of the kind.
@@ -57,7 +58,7 @@ def place_of(text: str) -> tuple[Path, CapturePlace]:
     match = _PLACE.fullmatch(text)
     if match is not None:
         bus = match["bus"] or ""
-        if not (bus and names_anomaly(bus)):
+        if not (bus == "byte" or (bus and names_anomaly(bus))):
             place = f"byte:{bus}:{match['offset']}" if bus else f"byte:{match['offset']}"
     if not path:
         raise InputError(f"{text[:60]!r}: write a place in a capture as FILE@12175")

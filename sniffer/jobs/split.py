@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -13,7 +12,7 @@ from sniffer.decoding.pipeline import Options
 from sniffer.decoding.spans import PieceRow
 from sniffer.ground.files import called, files_of, numbered, paths_of
 from sniffer.ground.model import SnifferError
-from sniffer.ground.wording import and_
+from sniffer.ground.wording import and_, in_name
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import convert_opened
@@ -36,9 +35,6 @@ if TYPE_CHECKING:
 
 MOST: Final = 1000
 """So many pieces at most: nobody looks at more files."""
-
-_ODD: Final = re.compile(r"[^\w.-]+")
-"""What of the name of a bus does not go into that of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +157,7 @@ def _names(
             names.append(functools.partial(numbered, number=piece + 1))
             continue
         # as the buses in it are called
-        name = f"bus{nth}" if is_anonymous else _ODD.sub("_", piece)
+        name = f"bus{nth}" if is_anonymous else in_name(piece)
         while name in taken:
             name += "_"
         taken.add(name)

@@ -24,6 +24,8 @@ FINDINGS: Final = (
         "line",
         "Frames of two protocols hold on one line.",
         "The decoder explains the bytes by two protocols, each byte by one of them.",
+        remedy="Both are decoded. Make sure that neither's servos obey the other's bytes.",
+        settle="Both are decoded. Make sure that neither's servos obey the other's bytes.",
     ),
     FindingCode(
         "foreign-frames",

@@ -45,7 +45,7 @@ FINDINGS: Final = (
     FindingCode(
         "odd-commands",
         "controller",
-        "Requests that hold and are not as the manual has them, time and again from the same code.",
+        "Requests that hold and are not as the manual has them.",
         "Kinds of requests with a body they cannot have, or that stand in no manual, and how often "
         "each was sent.",
     ),

@@ -232,7 +232,7 @@ WEIGHTS: Final = (
     ),
     *for_(
         "malformed-command",
-        ("odd-commands", 3.0, "the same odd request, time and again"),
+        ("odd-commands", 3.0, "requests that hold, and are not as the manual has them"),
         ("malformed-body", 1.0, "frames whose body their command cannot have"),
         ("unknown-command", 1.0, "commands that stand in no manual"),
         ("modifier-misused", 3.0, "a modifier that the command does not have"),
