@@ -24,6 +24,7 @@ from tests.recorder import (
     so_far,
 )
 from tests.recordings import messages
+from tests.streams.mightyzap import packet
 from tests.terminals import LINUX_ONLY, wait
 
 if TYPE_CHECKING:
@@ -233,3 +234,34 @@ def test_of_a_row_of_files_the_last_ones_are_kept(tmp_path: Path, line: Patient)
     kept = raw(*paths)["bus0"]
     assert len(kept) > 500
     assert (TALK * said).endswith(kept)
+
+
+def test_a_recorder_that_was_stopped_for_a_while_says_how_old_its_bytes_may_be_and_goes_on(
+    tmp_path: Path, line: Patient
+) -> None:
+    """Ctrl-Z and fg, or a laptop that sleeps: the bus spoke all the time."""
+    frame = packet(1, 0xF2, b"\x8c\x02")
+    written: list[int] = []
+
+    def speak(seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            written.append(time.time_ns())
+            line.say(frame)
+            time.sleep(0.004)
+
+    with Recorder(tmp_path, "{}=mightyzap@115200", "--idle", "2s", lines=[line]) as run:
+        speak(0.5)
+        run.tell(signal.SIGSTOP)
+        speak(3)
+        run.tell(signal.SIGCONT)
+        speak(1)
+        ran = run.ended()
+    assert "stopped: no byte for 2." in ran.err
+    rows = frames_again(run.path)["bus0"]
+    assert len(rows) == len(written)
+    late = [
+        t_ns - unsure - said for (_, _, t_ns, unsure, _), said in zip(rows, written, strict=True)
+    ]
+    assert max(late) < 200_000_000
+    assert "late-read" in codes(run.path)

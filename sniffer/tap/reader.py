@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NEVER_NS, NS, InputError, SnifferError
+from sniffer.ground.timing import byte_time_ns
 from sniffer.ports import Port, PortLostError, PortOptions, Retunable, open_port
 from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
-from sniffer.tap.waiting import LATE_NS, LOOK_S, Account, held_since
+from sniffer.tap.waiting import LATE_NS, LOOK_S, Account, Backlog, held_since
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -209,6 +210,8 @@ class Listener:
                 held_ns = held_since(before, looked, came)
                 if held_ns:  # the kernel moves up what did not fit, once for all ports
                     time.sleep(BREATH_NS / NS)
+                    # who was stopped while it waited is told of nothing, whatever came since
+                    ready += [k for k in lines if k.port is not None and k not in ready]
                 waited_ns = account.since()
                 if waited_ns > BREATH_NS:  # the breath is part of the latency
                     held_ns = max(held_ns, min(waited_ns, self._anchor.now() - before))
@@ -296,6 +299,8 @@ class Listener:
         if data:
             late = now - came if came is not None else account.since() if account else 0
             held_ns = held_ns + late if held_ns or late > LATE_NS else 0
+            took_ns = len(data) * byte_time_ns(line.options.baud)
+            held_ns = line.backlog.held(took_ns, now, held_ns)
             self._events.append(Read(line.number, now, data, held_ns))
         if is_gone:
             self._events.append(Lost(line.number, self._anchor.now()))
@@ -348,6 +353,7 @@ class _Line:
         self.options = options
         self.counters = port.counters()
         self.count_at = time.monotonic() + COUNTERS_S
+        self.backlog = Backlog()
 
     def fileno(self) -> int:
         assert self.port is not None

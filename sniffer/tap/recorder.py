@@ -180,7 +180,7 @@ class Recorder:
         self._waiting: dict[str, _Waiting] = {tap.spec.bus: _Waiting() for tap in taps}
         self._turns = deque(self._waiting)
         self._began_ns = anchor.now()
-        self._last_ns = self._began_ns
+        self._last_ns = self._heard_ns = self._began_ns
         self._decode_at = 0.0
         self._failure: OutputError | None = None
 
@@ -215,7 +215,7 @@ class Recorder:
             over = self._stops.met(
                 self.pipeline.summary,
                 ran_ns=now - self._began_ns,
-                silent_ns=now - self._last_ns,
+                silent_ns=self._heard_ns - self._last_ns,  # of a later time nobody knows yet
                 size=size,
             )
             if over is not None:
@@ -247,7 +247,7 @@ class Recorder:
 
     def _take(self) -> int:
         """Hand what came to the recording; return up to which time that is all there is."""
-        heard_ns = self._listener.heard_ns
+        self._heard_ns = heard_ns = self._listener.heard_ns
         self._record(self._listener.drain(), heard_ns)
         self._search_on(heard_ns)
         return heard_ns

@@ -65,6 +65,32 @@ class Account:
         return total
 
 
+class Backlog:
+    """Bytes of one line that waited while nobody read: the system hands them out in pieces.
+
+    A terminal gives 4 kB at a time, and a worker of the kernel moves up what stands behind. What a
+    read gives was waiting, too, as long as it is more than the line carries in the time since the
+    read before, and no more than it carried in the time for which nobody read.
+    """
+
+    def __init__(self) -> None:
+        self._left_ns = 0
+        self._since_ns = self._read_ns = 0
+
+    def held(self, took_ns: int, now_ns: int, held_ns: int) -> int:
+        """Return how long bytes may have waited that are read now, ``held_ns`` at least.
+
+        ``took_ns`` is how long the line takes for them.
+        """
+        if self._left_ns > 0 and took_ns > now_ns - self._read_ns + LATE_NS:
+            held_ns = max(held_ns, now_ns - self._since_ns)
+        else:
+            self._left_ns, self._since_ns = held_ns, now_ns - held_ns
+        self._left_ns -= took_ns
+        self._read_ns = now_ns
+        return held_ns
+
+
 def held_since(before: int, looked: int, came: int) -> int:
     """Return how long bytes may have waited to be read.
 
