@@ -175,6 +175,21 @@ def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
     assert "@no-response` draws the first of them." in words
 
 
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
+def test_of_bytes_without_a_single_frame_nobody_says_that_nothing_is_wrong(
+    protocol: str, diagnose: Asked, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What lies before a first frame that never comes is no beginning of a capture."""
+    capture, rules = tmp_path / "a.bin", tmp_path / "rules.toml"
+    capture.write_bytes(bytes.fromhex("C1 51") * 250)
+    words = " ".join(diagnose.says(capture, "--protocol", protocol).out.split())
+    assert words.startswith("no cause can be told of 500 bytes, none of them in a frame next: ")
+    rules.write_text('[[rule]]\nname = "sound"\nwhat = "incidents"\nat_most = 0\n')
+    checked = within(capsys, "check", capture, "--protocol", protocol, "--rules", rules)
+    assert checked.status == 1
+    assert "UNDECIDED  sound: not one frame was read" in checked.out
+
+
 def test_where_what_no_cause_explains_is_drawn_can_be_copied(
     diagnose: Asked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.rules.symptoms import SILENT
 from sniffer.diagnosis.silences import MISSING
 from sniffer.ground.model import Severity
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 SHOWN: Final = 6
 """Servos that are named of one code."""
 
+
+START: Final = "capture-start"
+"""What stands before the first frame."""
 
 FEW: Final = 0.01
 """Part of its answers that a sound servo's line may lose without a cause that could be told."""
@@ -71,7 +75,7 @@ class Rest:
         return told if names == ["-"] or len(names) > 1 else replace(told, source=names[0])
 
 
-def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
+def rest_of(cases: Sequence[Case], incidents: Sequence[Incident]) -> Rest:
     """Return the warnings and errors of codes that no incident of their bus has.
 
     What to do next is what its entry says of the code that came most often, and where to look.
@@ -103,6 +107,10 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
                 words = f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}"
                 told.append((n, code, words, case))
         told[begun:] = sorted(told[begun:], key=lambda t: -t[0])  # bus by bus
+        if len(told) == begun and _is_unread(case, incidents):
+            # what lies before a first frame that never comes is no beginning
+            words = f"{counted(case.ledger.bytes, 'byte')}, none of them in a frame{of_bus}"
+            told.append((1, START, words, case))
     if not told:
         return Rest()
     n, most, _, case = max(told, key=lambda t: t[0])
@@ -119,8 +127,16 @@ def rest_of(cases: Sequence[Case], incidents: Iterable[Incident]) -> Rest:
     )
 
 
+def _is_unread(case: Case, incidents: Iterable[Incident]) -> bool:
+    """Tell whether bytes were heard on a bus and not one frame, and no incident says so."""
+    heard = case.ledger.bytes and not case.ledger.frames and not case.ledger.is_shared
+    return bool(heard) and all(i.bus != case.bus for i in incidents)
+
+
 def _doing(case: Case, n: int, code: str) -> str:
     """Return what to do about the code that came most often, on the bus where it did."""
+    if code == START:
+        return "Look whether this protocol is spoken there, and by which baud rate it was heard."
     asked = sum(case.total("asked", servo) for servo in case.answering)
     if code != MISSING or n > FEW * asked:
         return CATALOGUE[code].remedy

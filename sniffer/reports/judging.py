@@ -162,6 +162,8 @@ def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
         and (not rule.named or i.cause in rule.named)
         and (not rule.servos or not i.servo_ids or set(i.servo_ids) & set(rule.servos))
     ]
+    if not mine and not any(totals.bytes_in_frames for _, totals in _buses(rule, heard)):
+        return  # who reads no frame finds no fault
     told = counted(len(mine), "incident") if mine else "no incident"
     if mine:
         several = len(heard.summary.buses) > 1
@@ -296,6 +298,8 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
         there = and_([*heard.summary.buses])
         are = "is" if len(heard.summary.buses) == 1 else "are"
         return f"there is no bus {rule.bus}: {there} {are} there"
+    if not any(totals.bytes_in_frames for _, totals in _buses(rule, heard)):
+        return "not one frame was read, so nothing could be judged"
     if rule.servos and not list(servos_of(rule, heard)):
         ids = _ids(rule, heard, rule.servos)
         return f"no servo of the id {ids} was asked or heard"
