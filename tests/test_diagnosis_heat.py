@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.conversations import Conversation, robot
 from tests.diagnosed import codes, found, verdicts
 from tests.servos import heard, mightyzap_read
 
@@ -46,3 +47,24 @@ def test_a_servo_that_is_far_hotter_than_all_others_is_too_hot_before_its_limit(
 )
 def test_what_may_be_work_or_a_misread_value_is_not(levels: list[list[int]]) -> None:
     assert "hotter-than-others" not in codes(heard(measured(*levels), "mightyzap"))
+
+
+@pytest.mark.parametrize(
+    ("reason", "cause"), [(1, "overload"), (2, "brownout"), (3, "overheat")], ids=str
+)
+def test_the_reason_for_which_a_servo_says_that_it_protects_itself_is_the_cause(
+    reason: int, cause: str
+) -> None:
+    """By its safe mode alone it was too hot, whatever it said when it was asked why."""
+
+    def asks(talk: Conversation, cycle: int) -> None:
+        is_safe = cycle > 160
+        for question, answer in (("Q", 10 if is_safe else 1), ("Q1", reason if is_safe else 0)):
+            talk.say(f"#2{question}\r".encode())
+            talk.rest(0.3)
+            talk.say(f"*2{question}{answer}\r".encode())
+            talk.rest(0.4)
+
+    told = robot("lss", 12, rate_hz=20, behind=asks, goals=False).diagnosed().incidents()
+    assert verdicts(told) == [(cause, (2,))]
+    assert told[0].causes[0].confidence > 0.8

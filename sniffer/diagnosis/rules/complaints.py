@@ -21,6 +21,18 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
 
+REASON: Final = "safe_mode_cause"
+"""The register of LSS in which a servo states why it protects itself (Q1)."""
+
+_REASONS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
+    {
+        "current": ("saved-for-current", "its current"),
+        "input_voltage": ("saved-for-voltage", "its supply"),
+        "temperature": ("saved-for-heat", "its temperature"),
+    }
+)
+"""By what is stated the finding, and what is meant."""
+
 FINDINGS: Final = (
     FindingCode(
         "complaints-together",
@@ -28,6 +40,15 @@ FINDINGS: Final = (
         "Several servos complain of the same within moments.",
         "Two servos and more, a half of those that answer, report one alarm within a second of each other.",
         is_manner=True,
+    ),
+    *(
+        FindingCode(
+            code,
+            "device",
+            f"A servo states that it protects itself for {what}.",
+            f"Its register `{REASON}` is read as `{word}`.",
+        )
+        for word, (code, what) in _REASONS.items()
     ),
     FindingCode(
         "overload-passes",
@@ -198,9 +219,31 @@ def together(case: Case) -> Iterator[Finding]:
             )
 
 
+def reasons(case: Case) -> Iterator[Finding]:
+    """What servos state as the reason for which they protect themselves."""
+    names = case.protocol.registers
+    for servo in case.servos:
+        told = case.settings(REASON, servo_id=servo)
+        words = [names[w].values.get(a, "") for w, a in zip(told.what, told.after, strict=True)]
+        for word, (code, what) in _REASONS.items():
+            mine = told.take(np.array([each == word for each in words], bool))
+            if len(mine):
+                yield Finding(
+                    code,
+                    servo,
+                    int(mine.t_ns[0]),
+                    int(mine.t_ns[-1]),
+                    len(mine),
+                    f"servo {servo} states that it protects itself for {what}",
+                    case.places(mine, f"servo {servo}: {REASON} {word}", 2),
+                    brief=f"servo {servo} states {what} as the reason",
+                )
+
+
 RULES: Final[tuple[Rule, ...]] = (
     complaints,
     together,
+    reasons,
     overload_passes,
 )
 """The rules of this file."""
