@@ -62,7 +62,7 @@ def test_the_reason_for_which_a_servo_says_that_it_protects_itself_is_the_cause(
         for question, answer in (("Q", 10 if is_safe else 1), ("Q1", reason if is_safe else 0)):
             talk.say(f"#2{question}\r".encode())
             talk.rest(0.3)
-            talk.say(f"*2{question}{answer}\r".encode())
+            talk.say(f"*2Q{answer}\r".encode())
             talk.rest(0.4)
 
     told = robot("lss", 12, rate_hz=20, behind=asks, goals=False).diagnosed().incidents()
