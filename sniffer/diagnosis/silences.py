@@ -38,7 +38,7 @@ class Silence(NamedTuple):
     """One stretch: the first request that had no answer, how many had none, when one came again.
 
     ``back_ns`` is None where none did until the end. ``before_ns`` is the last request before it
-    that had an answer, ``last_ns`` the last one in it that had none.
+    that was not left without an answer, ``last_ns`` the last one in it that was.
     """
 
     first_ns: int
@@ -108,14 +108,19 @@ class Silences:
 
     def _last(self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, ok: I64) -> None:
         """Follow what a servo leaves unanswered behind its last sound answer."""
+        had_ns = int(self._had[who])
         if len(ok):
             self._since.pop(who, None)
+            had_ns = int(frames.t_start[rows[ok[-1]]])
             rows, missed = rows[ok[-1] + 1 :], missed[ok[-1] + 1 :]
         lost = np.flatnonzero(missed)
         if who not in self._since:
             if not len(lost):
                 return
-            self._since[who] = _silence(base, frames, int(rows[lost[0]]), 0)
+            if lost[0]:
+                had_ns = int(frames.t_start[rows[lost[0] - 1]])
+            one = _silence(base, frames, int(rows[lost[0]]), 0)
+            self._since[who] = one._replace(before_ns=min(had_ns, one.first_ns))
             self._torn[who] = 0
             missed = missed[lost[0] :]
         one = self._since[who]

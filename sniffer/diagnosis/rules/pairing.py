@@ -196,7 +196,7 @@ def silences(case: Case) -> Iterator[Finding]:
                     s.first_ns,
                     case.last_ns,
                     s.missed,
-                    f"servo {servo} answered until {case.since(s.first_ns)} and not once since, "
+                    f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
                     f"{s.missed} requests in {took:.3g} s",
                     (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
                     brief=f"servo {servo} silent to the end",
