@@ -18,6 +18,7 @@ from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl, labelled
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.locales import with_points
+from sniffer.sources.logbytes import LSS_LINE
 from sniffer.sources.logic_forms import logic_form
 from sniffer.sources.misreads import refuse_decimal_dump, refuse_gutter, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
@@ -78,10 +79,15 @@ def recognise(head: bytes, suffix: str = "") -> str:
     if not is_printable(b"\n".join(lines[:FIRST_LINES])):
         _refuse_colours(lines)
         return "bin"
-    refuse_log([line for line in lines[:FIRST_LINES] if not labelled.states(line)])
-    if labelled.is_log(lines[:FIRST_LINES]):
+    first = lines[:FIRST_LINES]
+    ended_so = [line for line in labelled.lines_of(text) if line.strip()][:FIRST_LINES]
+    if len(ended_so) > len(lines) == 1 and labelled.is_log(ended_so):
         return "labelled"
-    refuse_log(lines[:FIRST_LINES])
+    refuse_log(labelled.others(first))
+    if labelled.is_log(first):
+        return "labelled"
+    labelled.refuse_bare(first)
+    refuse_log(first)
     refuse_words(lines)
     refuse_gutter(lines)
     _refuse_bits(lines[:FIRST_LINES])
@@ -127,7 +133,7 @@ def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
 def _is_lss(text: bytes) -> bool:
     """Tell raw LSS traffic, which is text, from dumps, comments and ``*`` lines."""
     lines = [line.strip() for line in re.split(rb"[\r\n]+", text[:4096]) if line.strip()]
-    spoken = [line for line in lines if labelled.LSS_LINE.fullmatch(line)]
+    spoken = [line for line in lines if LSS_LINE.fullmatch(line)]
     if not spoken:
         return False
     # hex with comments like "#5QD" exists too: it has no answers, and no bare carriage returns
