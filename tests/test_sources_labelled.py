@@ -221,6 +221,8 @@ def test_what_is_refused_is_told_how_to_be_read() -> None:
         ("TX: FF FF ... 0B", "'...' is not hex"),
         ("TX: FF FF FF 01 02 O0", "'O0' is not hex"),
         ("TX: FF FF XX YY", "'XX' is not hex"),
+        ("TX: FFh FFh FFh zz", "is not hex"),
+        ("TX: ffffff0102f10", "has an odd number of hex digits"),
         ("TX <Buffer ff ff ff ... 12 more bytes>", "is not hex"),
         ("TX: FF FF 01  dead beef", "what stands apart from the bytes may be a note"),
         ("12 TX: FF FF 01", "nobody says whether they are times"),

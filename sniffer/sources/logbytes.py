@@ -52,6 +52,7 @@ _NOTE: Final = later(
 _APART: Final = later(
     rb"(?:[0-9A-Fa-f]{2} )+(?:[ \t]+)(?![0-9A-Fa-f]{2}(?:[ \t]|$))[0-9A-Fa-f]+(?=[ \t]|$)"
 )
+_TORN: Final = later(rb"(?:" + _ONE + rb"){2}|[0-9A-Fa-f]{7,}\b")
 _DIGITS: Final = later(rb"(?:[0-9A-Fa-f]{1,2}[ ,]+)+[0-9A-Fa-f]{1,2}")
 _NUMBERS: Final = later(rb"[\[{(][\d ,;\t]*\d[\d ,;\t]*[\]})]?")
 _TEXT_LEAST: Final = 4
@@ -122,6 +123,7 @@ def _spelled(text: bytes, spelling: Spelling, is_directed: bool) -> bytes:
     try:
         return hex_line(text.replace(b"-", b" ").replace(b":", b" "))
     except BadLineError:
-        if SOME_BYTES.search(text) or _DIGITS.fullmatch(text) or share_of_hex(text) > MOSTLY:
+        torn = SOME_BYTES.search(text) or _DIGITS.fullmatch(text) or _TORN.match(text)
+        if torn or share_of_hex(text) > MOSTLY:
             raise
         return b""
