@@ -250,6 +250,16 @@ def test_an_arrow_behind_a_time_is_a_direction_where_some_point_back() -> None:
     assert [c.direction for c in got] == [TX, RX]
 
 
+def test_an_object_that_breaks_off_is_damage_and_the_last_one_is_cut_off() -> None:
+    line = b'{"t": 0.001, "dir": "TX", "data": "ffa00020"}\n'
+    got, message = until_damage(line * 9 + line[:30] + b"\n" + line)
+    assert got == bytes.fromhex("FFA00020") * 9
+    assert "line 10" in message
+    assert "no whole object in JSON" in message
+    assert read(line * 9 + line[:30]) == got
+    assert "cut off" in notes(line * 9 + line[:30])
+
+
 def test_lines_may_end_as_on_old_computers() -> None:
     log = b"TX: FF A0 00 20\rRX: 00 A4\r"
     assert read(log) == read(log.replace(b"\r", b"\n"))

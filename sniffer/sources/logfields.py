@@ -131,8 +131,14 @@ class _Objects(LogFields):
         return False
 
     def said(self, line: bytes) -> SaidLine | None:
-        """Take an object apart; None of what is none, or has no bytes."""
+        """Take an object apart; None of what is none, or has no bytes.
+
+        Raises:
+            BadLineError: it breaks off.
+        """
         record = _object_in(line)
+        if not record and line.lstrip()[:1] == b"{":
+            raise BadLineError(0, "this is no whole object in JSON")
         roles = _roles([*record])
         if not (roles.data and (roles.way or roles.time)):
             return None
