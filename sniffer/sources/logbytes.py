@@ -52,7 +52,7 @@ _NOTE: Final = later(
 _APART: Final = later(
     rb"(?:[0-9A-Fa-f]{2} )+(?:[ \t]+)(?![0-9A-Fa-f]{2}(?:[ \t]|$))[0-9A-Fa-f]+(?=[ \t]|$)"
 )
-_TORN: Final = later(rb"(?:" + _ONE + rb"){2}|[0-9A-Fa-f]{7,}\b")
+_TORN: Final = later(rb"(?:" + _ONE + rb"){2}|[0-9A-Fa-f]{7,}(?=[ \t]|$)")
 _DIGITS: Final = later(rb"(?:[0-9A-Fa-f]{1,2}[ ,]+)+[0-9A-Fa-f]{1,2}")
 _NUMBERS: Final = later(rb"[\[{(][\d ,;\t]*\d[\d ,;\t]*[\]})]?")
 _TEXT_LEAST: Final = 4
@@ -123,7 +123,11 @@ def _spelled(text: bytes, spelling: Spelling, is_directed: bool) -> bytes:
     try:
         return hex_line(text.replace(b"-", b" ").replace(b":", b" "))
     except BadLineError:
-        torn = SOME_BYTES.search(text) or _DIGITS.fullmatch(text) or _TORN.match(text)
+        torn = (
+            SOME_BYTES.search(text)
+            or _DIGITS.fullmatch(text)
+            or (is_directed and _TORN.match(text))
+        )
         if torn or share_of_hex(text) > MOSTLY:
             raise
         return b""

@@ -47,6 +47,7 @@ _LISTED: Final = later(rb"[0-9]+")
 _BETWEEN: Final = b" ,;:<>{}[]()\"'xX\\-"
 _OD_OF_NOTHING: Final = b"0000000"
 _MOSTLY: Final = 0.6  # share of hex tokens that makes the rest of a line a mistake in hex
+_FENCE: Final = b"```"
 _FEW_DIGITS: Final = 8  # so short a text of hex digits may as well be raw bytes
 _FORMATS: Final = "give raw bytes, or a dump made by `xxd` or `hexdump -C`"
 
@@ -307,6 +308,8 @@ def _refuse_decimal(lines: list[bytes]) -> None:
 
 
 def _why_not(lines: list[bytes]) -> str:
+    if lines[0].startswith(_FENCE):
+        return "this is text in a fence of Markdown: `grep -v '```' FILE | sniffer decode -`"
     for number, _ in enumerate(lines[1:FIRST_LINES], 2):
         found = _strong(lines[number - 1 :])
         if found:
