@@ -270,6 +270,12 @@ def test_lss_text_stands_as_it_is() -> None:
     assert read(b"TX: #5QD\nRX: *5QD1443\n") == b"#5QD\r*5QD1443\r"
 
 
+@pytest.mark.parametrize("form", ["{}", "- {}", "1. {}", "    {}", "{}   // asked", "{} (1)"])
+def test_lss_text_with_nothing_that_tells_a_direction_is_raw(form: str) -> None:
+    text = "".join(f"{form.format(line)}\n" for line in ("#5QD", "*5QD1443", "#5QV"))
+    assert open_source(text.encode()).format == "bin"
+
+
 def sides(log: str) -> list[Direction]:
     return [c.direction for c in chunks(log.encode()) if c.data]
 

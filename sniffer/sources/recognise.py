@@ -41,6 +41,9 @@ MCAP_MAGIC: Final = MAGIC[:5]  # of any version
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
+_AROUND: Final = later(rb"^[ \t]*(?:[-+]|\d{1,6}[.)])[ \t]+|[ \t]{1,8}(?://|[(;]).*$")
+"""A mark of a list in front of a line of text, a note behind it."""
+
 _COLOUR: Final = later(rb"\x1b\[[0-9;]*m")
 _LIST: Final = later(rb"[{\[(]")
 _LISTED: Final = later(rb"[0-9]+")
@@ -133,7 +136,11 @@ def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
 
 def _is_lss(text: bytes) -> bool:
     """Tell raw LSS traffic, which is text, from dumps, comments and ``*`` lines."""
-    lines = [line.strip() for line in re.split(rb"[\r\n]+", text[:4096]) if line.strip()]
+    lines = [
+        _AROUND.sub(b"", line).strip()
+        for line in re.split(rb"[\r\n]+", text[:4096])
+        if line.strip()
+    ]
     spoken = [line for line in lines if LSS_LINE.fullmatch(line)]
     if not spoken:
         return False
