@@ -119,6 +119,12 @@ def test_a_line_of_another_form_is_refused_with_the_form_that_is_read(line: str)
     assert "ten digits of seconds, bytes without blanks" in refusal(f"{line}\n".encode())
 
 
+def test_a_name_that_no_bus_may_have_is_told_apart_from_a_line_of_another_form() -> None:
+    told = refusal(b"(1732142106.5) arm#2 RX#FAAF01\n")
+    assert "a bus with # or brackets in its name" in told
+    assert {c.bus for c in chunks("(1.0) ärm*2 #FF\n".encode())} == {"ärm*2"}
+
+
 def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:
     text = b"(1.5) bus0 RX#FAAF01\n(2.5) bus0 TX#FAAF01"
     for cut in range(1, 20):

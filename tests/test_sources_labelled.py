@@ -2,15 +2,94 @@
 
 from __future__ import annotations
 
+import tomllib
+from typing import TYPE_CHECKING, Any
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sniffer.ground.model import MS, NS, Chunk, Direction, Mark, MarkKind
 from sniffer.sources import open_source
-from tests.inputs import chunks, notes, read, refusal, until_damage
+from sniffer.sources.labelled import LabelledLog
+from sniffer.sources.text import LineBlock
+from tests.inputs import SAMPLES, chunks, notes, read, refusal, until_damage
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 TX, RX, UNKNOWN = Direction.TX, Direction.RX, Direction.UNKNOWN
 ASKED = bytes.fromhex("FF FF FF 01 02 F1 0B")
 SAID = bytes.fromhex("FF FF FF 01 02 00 FC")
+
+TABLE = SAMPLES.parent / "labelled.toml"
+SHAPES: list[dict[str, Any]] = tomllib.loads(TABLE.read_text(encoding="utf-8"))["shape"]
+"""One conversation in the spellings of many logs, and what is read of each."""
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=[shape["name"] for shape in SHAPES])
+def test_one_conversation_is_read_alike_however_it_is_written_down(shape: dict[str, Any]) -> None:
+    log = shape["text"].encode()
+    assert open_source(log).format == "labelled"
+    got = [chunk for chunk in chunks(log) if chunk.data]
+    ways = [Direction[way] if way else UNKNOWN for way in shape["ways"]]
+    assert [c.direction for c in got] == ways
+    told = b"".join(ASKED if way is TX else SAID for way in ways)
+    assert b"".join(c.data for c in got) == (told if any(shape["ways"]) else ASKED + SAID)
+    moments = [None if c.t_ns is None else c.t_ns // MS % 1000 for c in got]
+    assert moments == shape.get("t_ms", [None] * len(got))
+    said = notes(log)
+    assert shape.get("left_out", "its bytes are laid out") in said or "t_ms" in shape
+    assert ("left out" in said) == ("left_out" in shape)
+
+
+FRONTS = ["", "22:55:06.001 ", "[22:55:06.001] ", "2026-11-20 22:55:06 ", "12 ms ", "0.001,"]
+WAYS = [
+    ("TX: ", "RX: "),
+    ("[TX] ", "[RX] "),
+    (">> ", "<< "),
+    ("tx=", "rx="),
+    ("TX [7]: ", "RX [7] "),
+    ("Sent 7 bytes: ", "Received len=7 "),
+    ("TX frame 009 ", "RX frame 010 "),
+    ("TX 7: ", "RX (id 1): "),
+    ("TX,", "RX,"),
+    ("W - ", "R - "),
+]
+SPELLINGS: list[Callable[[bytes], str]] = [
+    lambda data: data.hex(" "),
+    lambda data: data.hex().upper(),
+    lambda data: data.hex("-"),
+    lambda data: data.hex(":"),
+    lambda data: ", ".join(f"0x{value:02X}" for value in data),
+    lambda data: "[" + ",".join(f"0x{value:x}" for value in data) + "]",
+    lambda data: " ".join(f"${value:02X}" for value in data),
+    lambda data: " ".join(f"{value:02X}h" for value in data),
+    lambda data: "".join(f"<{value:02X}>" for value in data),
+    lambda data: f'"{data.hex(" ")}"',
+    lambda data: f"<Buffer {data.hex(' ')}>",
+    lambda data: "b'" + "".join(f"\\x{value:02x}" for value in data) + "'",
+]
+NOTES = ["", " (ok)", "  # ping", " // x", "  ; read", "  checksum ok", "  <- it", " |..abcd|"]
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.binary(min_size=1, max_size=20)), min_size=1, max_size=5),
+    st.sampled_from(FRONTS),
+    st.sampled_from(WAYS),
+    st.sampled_from(SPELLINGS),
+    st.sampled_from(NOTES),
+)
+def test_no_byte_is_invented_or_lost_whatever_stands_around_it(
+    talk: list[tuple[bool, bytes]],
+    front: str,
+    ways: tuple[str, str],
+    spell: Callable[[bytes], str],
+    note: str,
+) -> None:
+    text = "\n".join(f"{front}{ways[heard]}{spell(data)}{note}" for heard, data in talk)
+    got = LabelledLog("bus0").chunks(LineBlock(text.encode(), 1, 0, cut_off=False))
+    assert [(c.direction, c.data) for c in got] == [(RX if h else TX, data) for h, data in talk]
 
 
 @pytest.mark.parametrize(
@@ -134,8 +213,67 @@ def test_what_is_refused_is_told_how_to_be_read() -> None:
     assert "(seconds.fraction)" in refusal(b"1234 TX FF A0 00 20\n1236 RX 00 A4\n")
 
 
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("22:55:06.000 TX frobnicated FF FF 01", "'frobnicated' is not hex"),
+        ("TX: FF FF [POS_L] [POS_H]", "'POS_L' is not hex"),
+        ("TX: FF FF ... 0B", "'...' is not hex"),
+        ("TX: FF FF FF 01 02 O0", "'O0' is not hex"),
+        ("TX: FF FF XX YY", "'XX' is not hex"),
+        ("TX: FFh FFh FFh zz", "is not hex"),
+        ("TX: ffffff0102f10", "has an odd number of hex digits"),
+        ("TX <Buffer ff ff ff ... 12 more bytes>", "is not hex"),
+        ("TX: FF FF 01  dead beef", "what stands apart from the bytes may be a note"),
+        ("12 TX: FF FF 01", "nobody says whether they are times"),
+        ("    0  TX FF FF 01", "a point behind numbers of lines"),
+        ("1795215306000 TX FF FF 01", "nobody says whether they are times"),
+        ("TX: FF FF 01\n    02 F1 0B", "bytes have nothing in front of them ('    02 F1 0B')"),
+        ('{"t": 12, "dir": "TX", "data": "ff01"}', "write seconds with a fraction, a date, or"),
+        ('{"t": 1.5, "dir": "up", "data": "ff01"}', "'up' is no direction: write TX or RX"),
+        ("dir,data,n\nTX,0xFF,0x01,3", "it has 4 cells, and the head 3: put bytes in quotes"),
+    ],
+)
+def test_a_refusal_names_the_word_that_stops_the_reading(line: str, why: str) -> None:
+    assert why in refusal(f"{line}\n".encode())
+
+
+def test_a_time_behind_a_direction_is_none_where_it_may_be_bytes() -> None:
+    assert read(b"TX: 12:34:56\nRX: 12:34:56:AB  <- it\n") == bytes.fromhex("123456 123456AB")
+    assert read(b"TX: [0x12,0x34]\nRX: 12:34:56 |4V.|\n") == bytes.fromhex("1234 123456")
+
+
+def test_an_arrow_behind_a_time_is_a_direction_where_some_point_back() -> None:
+    line = "22:55:06.00{} {} FF A0 00 20\n"
+    log = line.format(1, "->") + line.format(2, "<-")
+    got = LabelledLog("bus0").chunks(LineBlock(log.encode(), 1, 0, cut_off=False))
+    assert [c.direction for c in got] == [TX, RX]
+
+
+def test_an_object_that_breaks_off_is_damage_and_the_last_one_is_cut_off() -> None:
+    line = b'{"t": 0.001, "dir": "TX", "data": "ffa00020"}\n'
+    got, message = until_damage(line * 9 + line[:30] + b"\n" + line)
+    assert got == bytes.fromhex("FFA00020") * 9
+    assert "line 10" in message
+    assert "no whole object in JSON" in message
+    assert read(line * 9 + line[:30]) == got
+    assert "cut off" in notes(line * 9 + line[:30])
+
+
+def test_lines_may_end_as_on_old_computers() -> None:
+    log = b"TX: FF A0 00 20\rRX: 00 A4\r"
+    assert read(log) == read(log.replace(b"\r", b"\n"))
+    assert open_source(b"#5QD\r*5QD10\r").format == "bin"
+
+
 def test_lss_text_stands_as_it_is() -> None:
     assert read(b"TX: #5QD\nRX: *5QD1443\n") == b"#5QD\r*5QD1443\r"
+
+
+@pytest.mark.parametrize("form", ["{}", "- {}", "1. {}", "    {}", "{}   // asked", "{} (1)"])
+def test_lss_text_with_nothing_that_tells_a_direction_is_raw(form: str) -> None:
+    text = "".join(f"{form.format(line)}\n" for line in ("#5QD", "*5QD1443", "#5QV"))
+    assert open_source(text.encode()).format == "bin"
 
 
 def sides(log: str) -> list[Direction]:

@@ -22,7 +22,7 @@ def test_a_comment_of_docklight_is_no_byte_even_if_it_looks_like_one() -> None:
     log = LINE % b"01.03.2019" + b" AB CD\n" + LINE % b"01.03.2019" + b"\n"
     log = log.replace(b"FF FF \n", b"FF FF  AB CD\n")
     assert read(log) == b"\xff" * 4
-    assert "1 lines of comments" in notes(log)
+    assert "1 line of comments: left out" in notes(log)
 
 
 def test_bytes_that_docklight_breaks_into_lines_belong_to_the_line_before() -> None:
@@ -141,7 +141,7 @@ def test_a_row_of_grabserial_has_the_time_of_its_first_byte(stamp: bytes, t_ns: 
 def test_a_label_of_grabserial_is_a_bus_and_what_it_says_itself_is_left_out() -> None:
     log = b"left arm [1.000002] FF \nThe inlinepat: was matched\n[1.000003] 01 \n"
     assert [(c.bus, c.data) for c in chunks(log)] == [("left arm", b"\xff"), ("bus0", b"\x01")]
-    assert "1 lines" in notes(log)
+    assert "1 line between its rows is none of grabserial's" in notes(log)
 
 
 @pytest.mark.parametrize("name", ["interceptty-T.txt", "grabserial-T-t.txt"])

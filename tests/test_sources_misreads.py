@@ -190,6 +190,7 @@ def test_bytes_once_more_as_text_are_never_read_as_bytes(data: bytes, between: s
         ("[]byte{0xff, 0xa0}", "brackets"),
         ("<Buffer ff a0 00 20>", "brackets"),
         ("FFh A0h 00h 20h", "tr -d"),
+        ("```text\nFF A0 00 20\n```", "grep -v"),
         ("%FF%A0%00%20", "tr -d"),
         ("start_time,name,data\n0.001,UART,0xFF", "start_time, duration, data"),
         ("FF A0 0 20", "write each byte with two"),

@@ -104,7 +104,7 @@ def test_what_is_none_of_the_log_between_its_lines_is_left_out_and_told() -> Non
     lines = LOGS["spy"].splitlines(keepends=True)
     log = b"".join([lines[0], b"INFO: moving\n", *lines[1:]])
     assert read(log) == WHOLE
-    assert "1 lines" in notes(log)
+    assert "1 line between is none" in notes(log)
 
 
 def test_what_a_program_says_before_spy_does_is_left_out() -> None:

@@ -110,6 +110,32 @@ def test_what_altered_a_capture_is_named_and_nobody_else_is_accused(
     assert diagnosis.incidents()[0].causes[0].confidence > 0.9
 
 
+@pytest.mark.parametrize(
+    ("before", "behind"),
+    [
+        (b"    ", b""),
+        (b"\x1b[32m", b"\x1b[0m"),
+        (b"- ", b"   // asked"),
+        (b"", b"\n"),
+        (b"> ", b""),
+    ],
+    ids=["indented", "coloured", "with notes", "with empty lines", "quoted"],
+)
+def test_lines_of_text_with_more_around_them_are_no_wrong_rate(
+    before: bytes, behind: bytes
+) -> None:
+    def pasted(data: bytes) -> bytes:
+        lines = (before + line + behind + b"\n" for line in data.split(b"\r") if line)
+        return b"```\n" + b"".join(lines) + b"```\nWhat is wrong?\n"
+
+    talk = robot("lss", 6)
+    diagnosis = talk.diagnosed(altered(one_wire(talk), pasted))
+    assert verdicts(diagnosis.incidents())[0] == ("tap-not-raw", ())
+    (finding,) = (f for f in found(diagnosis) if f.code == "bytes-translated")
+    assert "more stands around the lines" in finding.what
+    assert "wrong-baud" not in {cause for cause, _ in verdicts(diagnosis.incidents())}
+
+
 def test_an_answer_that_lacks_a_byte_does_not_take_the_next_request_with_it() -> None:
     """It counts the first byte of what follows for its last one: neither of the two is a frame."""
     talk = Conversation("rs30x")

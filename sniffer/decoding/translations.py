@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.holding import between, held, kept, spans_in
+from sniffer.decoding.texts import CR, LF, READABLE, is_around_lines, is_latin, lines_in, text_of
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.protocols.base import BusProtocol
-
-CR, LF = b"\r", b"\n"
 
 LEAST_BYTES: Final = 64
 """Of fewer bytes nothing is said."""
@@ -63,9 +62,6 @@ HEADER: Final = 2
 
 SHORT: Final = 14
 """Bytes of a frame that is not long."""
-
-READABLE: Final = 0x80
-"""Bytes below are text in ASCII."""
 
 UNREADABLE: Final = "\N{REPLACEMENT CHARACTER}".encode()
 """What programs write for bytes that are no UTF-8 text (Unicode 15, 23.8)."""
@@ -115,22 +111,6 @@ class _Swapped(NamedTuple):
     meant: int
 
 
-def _text_of(data: bytes) -> str | None:
-    """Return bytes as UTF-8 text, None where they are none; the last character may be cut."""
-    for cut in range(4):
-        try:
-            return data[: len(data) - cut].decode("utf-8")
-        except UnicodeDecodeError:
-            continue
-    return None
-
-
-def _is_latin(data: bytes) -> bool:
-    """Tell whether bytes are text of none but the first 256 characters, and not all ASCII."""
-    text = _text_of(data)
-    return text is not None and READABLE <= max(map(ord, text), default=0) < 256
-
-
 def _runs_are_even(data: bytes) -> bool:
     """Tell whether FF stands in pairs only, but at the ends of what is looked at."""
     runs = re.findall(rb"\xff+", data[data.find(b"\xff\xff") :].rstrip(b"\xff"))
@@ -171,8 +151,8 @@ _CLEARED: Final = r"and was read as 8N1 (`tr '\200-\377' '\000-\177'` clears the
 WHOLE: Final = (
     _Whole(
         "bytes were written as text in UTF-8, two for each from 80 on",
-        _is_latin,
-        lambda data: (_text_of(data) or "").encode("latin-1", "ignore"),
+        is_latin,
+        lambda data: (text_of(data) or "").encode("latin-1", "ignore"),
     ),
     _Whole(
         "every FF stands there twice, as telnet and terminals with PARMRK write it",
@@ -189,6 +169,13 @@ WHOLE: Final = (
         r"`tr '\n' '\r' < FILE | sniffer decode -`",
         lambda data: CR not in data and LF in data,
         lambda data: data.replace(LF, CR),
+        LEAST_TEXT,
+    ),
+    _Whole(
+        "every 0D came as 0A, and more stands around the lines; take them out and put it back: "
+        r"`grep -oE '[#*][0-9]*[A-Za-z]+[-0-9A-Za-z.]*' FILE | tr '\n' '\r' | sniffer decode -`",
+        is_around_lines,
+        lines_in,
         LEAST_TEXT,
     ),
     _Whole(
@@ -385,7 +372,7 @@ def _holds(protocol: BusProtocol, tries: Sequence[bytes]) -> bool:
 def _replaced(head: bytes) -> Translated | None:
     """Look for what programs write for bytes that they cannot read as text."""
     marks = head.count(UNREADABLE)
-    if _text_of(head) is None or marks * len(UNREADABLE) < LEAST_UNREADABLE * len(head):
+    if text_of(head) is None or marks * len(UNREADABLE) < LEAST_UNREADABLE * len(head):
         return None
     what = "bytes were read as text: EF BF BD stands for each that is none, and these are lost"
     shown = f"EF BF BD stands there {marks} times, and all is UTF-8"

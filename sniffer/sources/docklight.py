@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Direction
 from sniffer.ground.patterns import later
+from sniffer.ground.wording import counted
 from sniffer.sources.blockstamps import StampedLog
 from sniffer.sources.refusals import refused
 from sniffer.sources.sides import oriented
@@ -150,7 +151,7 @@ class _Turns(StampedLog):
         yield from remarks(
             "its dates are read with the month first" if self._month_first else "",
             SUMMER_ENDS if self._clock.went_back else "",
-            f"{self.comments} lines of comments are left out" if self.comments else "",
+            f"{counted(self.comments, 'line')} of comments: left out" if self.comments else "",
             cut_off=self.cut_off,
         )
 

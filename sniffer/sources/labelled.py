@@ -7,25 +7,32 @@ r"""Logs that people and programs of their own write: bytes behind a time, a dir
     >> #5QD
     << *5QD1443
     [DEBUG] [1732694400.123456]: TX: FF A0 00 20   behind the head of a logging framework
+    {"t": 1732694400.123456, "dir": "TX", "data": "ffa00020"}
 
 No tool defines them, so nobody knows of which byte a time is: it is taken for the moment at which
 all of them had been read, or at which they were handed over to be sent. LSS text stands as it is.
+How a line is taken apart says ``loglines``, how bytes are spelled ``logbytes``.
 """
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING, Final, NamedTuple
+import enum
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.coarse import coarse
-from sniffer.ground.limits import is_time
-from sniffer.ground.model import NS, Chunk, Clock, Direction
+from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.ground.patterns import later
-from sniffer.sources.logheads import log_head
-from sniffer.sources.plain import BadLineError, hex_line, share_of_hex
+from sniffer.ground.wording import counted
+from sniffer.sources.logbytes import MOSTLY, SOME_BYTES, stated
+from sniffer.sources.logfields import LogFields, fields_of
+from sniffer.sources.loglines import SaidLine, are_pointed, said
+from sniffer.sources.logstamps import LogClock, places
+from sniffer.sources.plain import BadLineError, share_of_hex
+from sniffer.sources.refusals import refused
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.spelling import Spelling
 from sniffer.sources.text import (
+    FIRST_LINES,
     DamagedLine,
     LineBlock,
     Opened,
@@ -35,68 +42,25 @@ from sniffer.sources.text import (
     read_log,
     remarks,
 )
-from sniffer.sources.walltime import DATELESS, ZONELESS, DayClock, WallClock, zone_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    import re
+    from collections.abc import Callable, Iterator, Sequence
 
-SENT: Final = ("tx", "send", "sent", "sending", "write", "written", "out", "output", "w")
-HEARD: Final = ("rx", "recv", "received", "receive", "receiving", "read", "in", "input", "r")
-"""What logs call the two directions, of whoever writes them; arrows point away from him."""
-
-_WORDS: Final = "|".join(sorted((*SENT, *HEARD), key=len, reverse=True)).encode()
-_STAMP: Final = (
-    rb"[ \t]{0,8}[\[(]?[ \t]{0,8}(?:(?:(?P<day>\d{4}[-/]\d\d[-/]\d\d)[ T])?"
-    rb"(?P<time>\d\d:\d\d:\d\d)(?:[.,](?P<part>\d{1,9}))?(?P<zone>Z|[+-]\d\d:?\d\d)?"
-    rb"|(?P<seconds>\d{1,10})\.(?P<fraction>\d{3,9})s?)(?P<closed>[\])])?"
-    rb"(?P<arrow>[ \t]{0,8}->)?[ \t]{0,8}(?:[:|-]|,(?=[ \t]))?[ \t]{0,8}(?![\d:,])"
+_IN_FRONT: Final = (
+    "put a time or a direction in front, or write lines `(seconds.fraction) bus0 #HEX`"
 )
-_STAMPED: Final = later(_STAMP)
-_BODY: Final = rb"(?=[ \t]{0,8}(?:[0-9A-Fa-f]{2}|0x|\\x|[#*\[{(]|(?:bytearray\()?b['\"]|$))"
-_OF: Final = (
-    rb"(?:[ \t]{1,8}(?:\d{1,4}[ \t]{1,8})?(?:bytes?|data|packet|frame|message)(?=[ \t]{0,8}[:=])"
-    rb"|[ \t]{0,8}(?:\[\d{1,4}\]|\(\d{1,4}(?: bytes?)?\))(?=[ \t]{0,8}[:=]))?"
-)
-"""What else a direction is told with: ``Sent 7 bytes:``, ``TX packet:``, ``RX [7]:``."""
-
-_PEER: Final = rb"(?:[ \t]{0,8}\[[A-Za-z][\w -]{0,30}\](?=:))?"  # ->[Dynamixel]:FF FF 00
-_WAY: Final = later(
-    rb"(?:^|(?<=[ \t\])|]))[\[(<]?(?:(?P<word>"
-    + _WORDS
-    + rb")(?:\b|(?==))[\])>]?"
-    + _OF
-    + rb"[ \t]{0,8}[:=]?[ \t]{0,8}"
-    rb"(?:-{1,3}>|<-{1,3})?|(?P<arrow>-{1,3}>|<-{1,3}|>{1,3}|<{1,3})"
-    + _PEER
-    + rb":?)"
-    + _BODY
-    + rb"[ \t]{0,8}:?",
-    re.IGNORECASE,
-)
-_PLACE: Final = later(rb"^(?:0x[0-9A-Fa-f]{8}[ \t]{2,}|(?:0x)?0[0-9A-Fa-f]{3}:[ \t]+)")
-"""An offset or an address in front of bytes, as dumps have it."""
-
-_FIRST: Final = later(  # bytes that begin a message
-    rb"(?:" + _PLACE.pattern + rb")?(?:(?:(?:0x)?[0-9A-Fa-f]{1,2}[ ,:-]{1,2}){2}"
-    rb"|(?:[0-9A-Fa-f]{2}){4,}[ \t\r]*$|(?:bytearray\()?b['\"])|[#*]\d"
-)
-_ASIDE: Final = later(rb"[ \t][|(\"'].*$|(?:\\r|<CR>)$", re.IGNORECASE)
-LSS_LINE: Final = later(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
-"""A line of an LSS: ``#5QD`` asks, ``*5QD1443`` answers; only ``*QID5`` names no servo."""
-
-_LITERAL: Final = later(rb"""(?:bytearray\()?(b(?:'.*'|".*"))\)?""")
-_BYTES: Final = later(rb"[0-9A-Fa-f]{2}[ ,:-]{1,2}(?:0x)?[0-9A-Fa-f]{2}\b")
-_DIGITS: Final = later(rb"(?:[0-9A-Fa-f]{1,2}[ ,]+)+[0-9A-Fa-f]{1,2}")
+_TIMES: Final = later(rb"\d{4}[-/]\d\d[-/]\d\d|\d\d:\d\d:\d\d(?:[.,]\d+)?")
 _DECIMAL: Final = later(rb"[ ,\[]\d{3}(?![^ ,\]])|[\[{(] *\d+,")
-_MOSTLY: Final = 0.6
-_NANO: Final = 9
 
 
-class _Labelled(NamedTuple):
-    """What a line says: ``parts`` are directions, each with the text of its bytes."""
+class _LineKind(enum.Enum):
+    """What a line is."""
 
-    stamp: re.Match[bytes] | None
-    parts: Sequence[tuple[Direction, bytes]]
+    BYTES = enum.auto()  # it states some, well or badly
+    QUIET = enum.auto()  # a direction or a time, and none
+    WORDS = enum.auto()
+    ODD = enum.auto()  # there may be bytes in it, with nothing in front that is known
 
 
 def is_log(lines: Sequence[bytes]) -> bool:
@@ -104,110 +68,109 @@ def is_log(lines: Sequence[bytes]) -> bool:
 
     Mistakes in hex are the reader's to report; numbers of three digits are decimal.
     """
-    others = [line for line in lines if not states(line)]
-    odd = any(_BYTES.search(line) or share_of_hex(line) > _MOSTLY for line in others)
-    return len(others) < len(lines) and not odd
+    kinds = _kinds(lines)
+    return _LineKind.BYTES in kinds and _LineKind.ODD not in kinds
 
 
-def states(line: bytes) -> bool:
-    """Tell whether a line states bytes behind a time or a direction, well or badly."""
-    said = _said(line)
+def others(lines: Sequence[bytes]) -> list[bytes]:
+    """Return the lines that would be none of such a log."""
+    known = (_LineKind.BYTES, _LineKind.QUIET)
+    return [line for line, kind in zip(lines, _kinds(lines), strict=True) if kind not in known]
+
+
+def refuse_bare(lines: Sequence[bytes]) -> None:
+    """Raise InputError where most lines are of such a log, and one has nothing but bytes."""
+    kinds = _kinds(lines)
+    if 2 * kinds.count(_LineKind.BYTES) < len(lines):
+        return
+    for line, kind in zip(lines, kinds, strict=True):
+        if kind is _LineKind.ODD and share_of_hex(line) == 1:
+            what = f"a log in which bytes have nothing in front of them ({quoted(line)})"
+            raise refused(what, _IN_FRONT)
+
+
+def lines_of(block: bytes) -> list[bytes]:
+    """Return the lines of a text; where no line ends otherwise, they end with 0D."""
+    return block.split(b"\n" if b"\n" in block.rstrip(b"\n") else b"\r")
+
+
+def _kinds(lines: Sequence[bytes]) -> list[_LineKind]:
+    """Return what each of the first lines of a text is."""
+    fields = fields_of(lines[0]) if lines else None
+    if fields is None:
+        return [_kind(line, said) for line in lines]
+    return [_LineKind.QUIET if fields.is_head(line) else _kind(line, fields.said) for line in lines]
+
+
+def _kind(line: bytes, taken: Callable[[bytes], SaidLine | None]) -> _LineKind:
+    """Return what a line is that is taken apart so."""
+    parts: Sequence[tuple[Direction, bytes]] = ()
     try:
-        return said is not None and any(_data(*part, Spelling()) for part in said.parts)
+        parts = (taken(line) or SaidLine(None, ())).parts
+        has_bytes = any(_data(*part, Spelling()) for part in parts)
     except BadLineError:
-        return not _DECIMAL.search(line)
-
-
-def _said(line: bytes) -> _Labelled | None:
-    """Take a line apart; None where it has neither a time nor a direction in front."""
-    if head := log_head(line, _begins):
-        stamp, text = _STAMPED.match(head.time), line[head.size :]
-    else:
-        stamp = _STAMPED.match(line)
-        text = line[stamp.end() :] if stamp else line
-    ways = [*_WAY.finditer(text)]
-    if ways and text[: ways[0].start()].strip(b" \t"):
-        ways = []
-    if not head and stamp and not ways and not _is_sure(stamp):
-        stamp = None
-    if not ways:
-        return _Labelled(stamp, [(Direction.UNKNOWN, text)]) if stamp or head else None
-    ends = [*(way.start() for way in ways[1:]), len(text)]
-    parts = [(_way(w), text[w.end() : end]) for w, end in zip(ways, ends, strict=True)]
-    return _Labelled(stamp, parts)
-
-
-def _is_sure(stamp: re.Match[bytes]) -> bool:
-    """Tell whether this is a time even where no direction follows: else it may be bytes."""
-    return any(stamp[group] for group in ("part", "fraction", "arrow", "closed"))
-
-
-def _begins(text: bytes, alone: bool) -> bool:
-    """Tell whether a text begins with bytes: with a direction, or ``alone``."""
-    return bool(_WAY.match(text) or (alone and _FIRST.match(text)))
-
-
-def _way(way: re.Match[bytes]) -> Direction:
-    told = (way["word"] or b"").lower().decode("ascii")
-    is_sent = told in SENT if told else b">" in way["arrow"]
-    return Direction.TX if is_sent else Direction.RX
+        has_bytes = not _DECIMAL.search(line)
+    if has_bytes:
+        return _LineKind.BYTES
+    if any(way is not Direction.UNKNOWN for way, _ in parts):
+        return _LineKind.QUIET
+    rest = _TIMES.sub(b"", line)
+    if SOME_BYTES.search(rest) or share_of_hex(rest) > MOSTLY:
+        return _LineKind.ODD
+    return _LineKind.QUIET if parts else _LineKind.WORDS
 
 
 def _data(way: Direction, text: bytes, spelling: Spelling) -> bytes:
-    """Return the bytes that a text states, none where it is of words.
-
-    Raises:
-        BadLineError: it is hex, but for something.
-    """
-    plain = text.strip(b" \t\r;,")
-    if literal := _LITERAL.fullmatch(plain):  # as Python shows them
-        return hex_line(literal[1])
-    plain = _PLACE.sub(b"", _ASIDE.sub(b"", plain).rstrip(b" \t"))
-    if LSS_LINE.fullmatch(plain):
-        return plain + b"\r"
-    listed = spelling.read(plain, is_directed=way is not Direction.UNKNOWN)
-    if listed is not None:
-        return listed
-    if plain[:1] in (b"[", b"{", b"(") and b"x" not in plain:
-        raise BadLineError(0, "numbers in a list may be decimal: write 0x before those in hex")
-    try:
-        return hex_line(plain.replace(b"-", b" ").replace(b":", b" "))
-    except BadLineError:
-        if _BYTES.search(plain) or _DIGITS.fullmatch(plain) or share_of_hex(plain) > _MOSTLY:
-            raise
-        return b""
+    return stated(text, spelling, is_directed=way is not Direction.UNKNOWN)
 
 
-class _Lines(TextLog):
+class LabelledLog(TextLog):
     """Where a log has got to."""
 
     def __init__(self, bus: str) -> None:
         self._bus = bus
-        self._wall, self._day = WallClock(), DayClock()
-        self.zoneless = self.dateless = self.timed = self.cut_off = False
+        self._clock = LogClock()
+        self._fields: LogFields | None = None
+        self._is_pointed = False
         self._spelling = Spelling()
-        self.talk = 0
+        self.timed = self.cut_off = False
+        self.talk = self.empty = 0
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield what the lines of ``block`` hold."""
-        lines = block.lines()
+        lines = lines_of(block.text) if block.number == 1 else block.lines()
+        if block.number == 1:
+            self._fields = fields_of(lines[0])
+            self._is_pointed = are_pointed(lines[:FIRST_LINES])
         for number, line in enumerate(lines, block.number):
             is_last = block.cut_off and number == block.number + len(lines) - 1
-            said = _said(line)
-            told = self.cut_off = False
-            stamp, parts = said or (None, ())
-            for direction, text in parts:
-                try:
-                    data = _data(direction, text, self._spelling)
-                except BadLineError as error:
-                    if not is_last:
-                        raise DamagedLine(number, f"{quoted(line)}: {error.why}") from None
-                    self.cut_off = told = True
-                    break
-                if data:
-                    told = True
-                    yield self._chunk(stamp, direction, data, number)
-            self.talk += bool(line.strip()) and not told
+            self.cut_off = False
+            try:
+                yield from self._line(line, number)
+            except BadLineError as error:
+                if not is_last:
+                    raise DamagedLine(number, f"{quoted(line)}: {error.why}") from None
+                self.cut_off = True
+
+    def _line(self, line: bytes, number: int) -> Iterator[Chunk]:
+        """Yield what a line holds.
+
+        Raises:
+            BadLineError: it does not say which bytes it has.
+        """
+        fields = self._fields
+        told = fields.said(line) if fields else said(line, is_pointed=self._is_pointed)
+        stamp, parts = told or (None, ())
+        has_bytes = False
+        for direction, text in parts:
+            data = _data(direction, text, self._spelling)
+            if data:
+                has_bytes = True
+                yield self._chunk(stamp, direction, data, number)
+        is_empty = not has_bytes and any(way is not Direction.UNKNOWN for way, _ in parts)
+        self.empty += is_empty
+        is_head = fields is not None and fields.is_head(line)
+        self.talk += bool(line.strip()) and not (has_bytes or is_empty or is_head)
 
     def _chunk(
         self, stamp: re.Match[bytes] | None, direction: Direction, data: bytes, number: int
@@ -215,40 +178,29 @@ class _Lines(TextLog):
         if stamp is None:
             return Chunk(data, bus=self._bus, direction=direction)
         self.timed = True
-        places = len(stamp["part"] or stamp["fraction"] or b"")
-        marks = coarse(len(data), places)
-        return Chunk(data, self._time(stamp, number), Clock.FILE, self._bus, direction, marks)
-
-    def _time(self, stamp: re.Match[bytes], number: int) -> int:
-        if stamp["time"] is None:
-            t_ns = int(stamp["seconds"]) * NS + int(stamp["fraction"].ljust(_NANO, b"0"))
-        elif stamp["day"] is not None:
-            zone = (stamp["zone"] or b"").decode("ascii")
-            self.zoneless |= not zone
-            t_ns = self._wall.ns(stamp["day"], stamp["time"], stamp["part"] or b"", number)
-            t_ns -= zone_ns(zone)
-        else:
-            self.dateless = True
-            hour, minute, second = stamp["time"].split(b":")
-            t_ns = self._day.ns(hour, minute, second, stamp["part"] or b"", number)
-        if not is_time(t_ns):
-            raise DamagedLine(number, f"there is no time {quoted(stamp[0].strip())}")
-        return t_ns
+        marks = coarse(len(data), places(stamp))
+        t_ns = self._clock.ns(stamp, number)
+        return Chunk(data, t_ns, Clock.FILE, self._bus, direction, marks)
 
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
         if self.timed:
             whose = "nobody says of which byte its times are: taken for the last one of what was "
             told = whose + "read, and for when what was sent was handed over"
-            clock = ZONELESS if self.zoneless else DATELESS if self.dateless else ""
-            yield "; ".join(filter(None, (clock, told)))
+            yield "; ".join(filter(None, (self._clock.remark, told)))
         else:
             yield "it has no times: its bytes are laid out back to back"
-        others = left_out(self.talk, "between", "its own")
-        yield from remarks(others, cut_off=self.cut_off)
+        empty = f"{counted(self.empty, 'line')} with a direction and no bytes: left out"
+        notes = f"{counted(self._spelling.notes, 'note')} behind bytes: left out"
+        yield from remarks(
+            left_out(self.talk, "between", "its own"),
+            empty if self.empty else "",
+            notes if self._spelling.notes else "",
+            cut_off=self.cut_off,
+        )
 
 
 def read_labelled(opened: Opened) -> Iterator[Chunk]:
     """Yield a chunk for each direction of a line; the frames tell which one is the controller's."""
-    lines = handed_over(read_log(opened, _Lines(opened.bus)), Direction.TX)
+    lines = handed_over(read_log(opened, LabelledLog(opened.bus)), Direction.TX)
     return oriented(lines, opened.notes, ("TX", "RX"))

@@ -65,14 +65,14 @@ def refuse_gutter(lines: list[bytes]) -> None:
     """
     lines = lines[:FIRST_LINES]
     looked = lines[:-1] or lines  # the last may be cut
-    found = [one for one in map(_hex_before_text, looked) if one is not None]
+    found = [one for one in map(hex_before_text, looked) if one is not None]
     if len(found) == len(looked) and sum(size for size, _ in found) >= _LEAST:
         column = max(column for _, column in found)
         way = f"keep only the hex: `cut -c1-{column} FILE | sniffer decode -`"
         raise refused("hex with its bytes once more as text", way)
 
 
-def _hex_before_text(line: bytes) -> tuple[int, int] | None:
+def hex_before_text(line: bytes) -> tuple[int, int] | None:
     """Return how many bytes stand before the same bytes as text, and at what column they end."""
     pairs = _PAIRS.match(line)
     hexes = list(re.finditer(rb"[0-9A-Fa-f]{2}(?= )", pairs[0])) if pairs else []

@@ -18,6 +18,7 @@ from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl, labelled
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.locales import with_points
+from sniffer.sources.logbytes import LSS_LINE
 from sniffer.sources.logic_forms import logic_form
 from sniffer.sources.misreads import refuse_decimal_dump, refuse_gutter, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
@@ -40,12 +41,16 @@ MCAP_MAGIC: Final = MAGIC[:5]  # of any version
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
+_AROUND: Final = later(rb"^[ \t]*(?:[-+]|\d{1,6}[.)])[ \t]+|[ \t]{1,8}(?://|[(;]).*$")
+"""A mark of a list in front of a line of text, a note behind it."""
+
 _COLOUR: Final = later(rb"\x1b\[[0-9;]*m")
 _LIST: Final = later(rb"[{\[(]")
 _LISTED: Final = later(rb"[0-9]+")
 _BETWEEN: Final = b" ,;:<>{}[]()\"'xX\\-"
 _OD_OF_NOTHING: Final = b"0000000"
 _MOSTLY: Final = 0.6  # share of hex tokens that makes the rest of a line a mistake in hex
+_FENCE: Final = b"```"
 _FEW_DIGITS: Final = 8  # so short a text of hex digits may as well be raw bytes
 _FORMATS: Final = "give raw bytes, or a dump made by `xxd` or `hexdump -C`"
 
@@ -78,10 +83,15 @@ def recognise(head: bytes, suffix: str = "") -> str:
     if not is_printable(b"\n".join(lines[:FIRST_LINES])):
         _refuse_colours(lines)
         return "bin"
-    refuse_log([line for line in lines[:FIRST_LINES] if not labelled.states(line)])
-    if labelled.is_log(lines[:FIRST_LINES]):
+    first = lines[:FIRST_LINES]
+    ended_so = [line for line in labelled.lines_of(text) if line.strip()][:FIRST_LINES]
+    if len(ended_so) > len(lines) == 1 and labelled.is_log(ended_so):
         return "labelled"
-    refuse_log(lines[:FIRST_LINES])
+    refuse_log(labelled.others(first))
+    if labelled.is_log(first):
+        return "labelled"
+    labelled.refuse_bare(first)
+    refuse_log(first)
     refuse_words(lines)
     refuse_gutter(lines)
     _refuse_bits(lines[:FIRST_LINES])
@@ -126,8 +136,12 @@ def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
 
 def _is_lss(text: bytes) -> bool:
     """Tell raw LSS traffic, which is text, from dumps, comments and ``*`` lines."""
-    lines = [line.strip() for line in re.split(rb"[\r\n]+", text[:4096]) if line.strip()]
-    spoken = [line for line in lines if labelled.LSS_LINE.fullmatch(line)]
+    lines = [
+        _AROUND.sub(b"", line).strip()
+        for line in re.split(rb"[\r\n]+", text[:4096])
+        if line.strip()
+    ]
+    spoken = [line for line in lines if LSS_LINE.fullmatch(line)]
     if not spoken:
         return False
     # hex with comments like "#5QD" exists too: it has no answers, and no bare carriage returns
@@ -301,6 +315,8 @@ def _refuse_decimal(lines: list[bytes]) -> None:
 
 
 def _why_not(lines: list[bytes]) -> str:
+    if lines[0].startswith(_FENCE):
+        return "this is text in a fence of Markdown: `grep -v '```' FILE | sniffer decode -`"
     for number, _ in enumerate(lines[1:FIRST_LINES], 2):
         found = _strong(lines[number - 1 :])
         if found:

@@ -28,9 +28,13 @@ _DECIMAL, _HEX = 10, 16
 
 
 class Spelling:
-    """What the lines of a log have told so far of how it spells its bytes."""
+    """What the lines of a log have told so far of how it spells its bytes.
+
+    ``notes`` counts the lines in which something else stood behind them.
+    """
 
     def __init__(self) -> None:
+        self.notes = 0
         self._radix = 0
         self._padded = b""
         self._short = b""
@@ -62,17 +66,18 @@ class Spelling:
         return self._hex(numbers)
 
     def _hex(self, numbers: Sequence[bytes]) -> bytes | None:
-        self._short = self._short or next((n for n in numbers if len(n) == 1), b"")
+        shortest = min(numbers, key=len)
+        self._short = self._short or (shortest if len(shortest) == 1 else b"")
         self._padded = self._padded or next((n for n in numbers if n[0] == 48 and len(n) == 2), b"")
         if self._short and self._padded:
             why = f"{quoted(self._short)} has one digit, {quoted(self._padded)} a zero in front"
             raise BadLineError(0, f"{why}: write each byte with two")
-        return bytes(int(number, _HEX) for number in numbers)
+        return bytes.fromhex(b"".join(number.zfill(2) for number in numbers).decode("ascii"))
 
 
 def _proved(numbers: Sequence[bytes]) -> int | None:
     """Return the radix that numbers prove, 0 for none, None where they are no bytes in any."""
-    if all(len(number) < 3 for number in numbers):
-        return 0 if all(map(bytes.isdigit, numbers)) else _HEX
+    if max(map(len, numbers)) < 3:
+        return 0 if b"".join(numbers).isdigit() else _HEX
     is_decimal = all(number.isdigit() and str(int(number)).encode() == number for number in numbers)
     return _DECIMAL if is_decimal and max(map(int, numbers)) < 256 else None

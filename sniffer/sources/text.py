@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from sniffer.ground.model import Chunk, DamagedInputError
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -237,7 +238,8 @@ def read_blocks(
 
 def left_out(count: int, between: str, whose: str) -> str:
     """Return what is said of lines of others, nothing where there are none."""
-    return f"{count} lines {between} are none of {whose}: left out" if count else ""
+    are = "is" if count == 1 else "are"
+    return f"{counted(count, 'line')} {between} {are} none of {whose}: left out" if count else ""
 
 
 def remarks(*told: str, cut_off: bool) -> Iterator[str]:

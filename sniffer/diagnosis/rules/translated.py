@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.translations import READABLE, Translated, translated
+from sniffer.decoding.texts import READABLE
+from sniffer.decoding.translations import Translated, translated
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
