@@ -289,39 +289,6 @@ def test_no_response_time_is_a_point_that_the_stamps_do_not_carry(stats: Countin
     assert "<16" in done.out
 
 
-def test_how_long_a_rule_was_met_lies_between_the_values_around_it(stats: Counting) -> None:
-    path = CAPTURES / "mightyzap_damaged.log"
-    bus = stats.bus(path, "--alarm", "3.temperature > 31")
-    (rule,) = bus["alarms"]
-    met = [
-        (row.t_ns, row.value > 31)
-        for row in told_of(path)
-        if row.type == "sample" and row.servo_id == 3 and row.register == "present_temperature"
-        if row.value is not None
-    ]
-    pairs = list(itertools.pairwise(met))
-    assert rule["values"] == len(met)
-    assert rule["met_ns"] == [
-        sum(b[0] - a[0] for a, b in pairs if a[1] and b[1]),
-        sum(b[0] - a[0] for a, b in pairs if a[1] or b[1]),
-    ]
-    when = [t_ns for t_ns, is_met in met if is_met]
-    assert [rule[end]["t_ns"] for end in ("first", "last")] == [when[0], when[-1]]
-    assert rule["worst"]["value"] == 32
-    done = stats.says(path, "--alarm", "3.temperature > 31")
-    begun = bus["first_ns"]
-    assert "3.temperature > 31" in done.out
-    seconds = [f"{(t_ns - begun) / 1000 / MS:.3f}" for t_ns in (when[0], when[-1])]
-    assert " ".join(seconds) in " ".join(done.out.split())
-
-
-def test_of_a_rule_that_none_met_no_moment_is_told(stats: Counting) -> None:
-    (rule,) = stats.bus(CAPTURES / "mightyzap_damaged.log", "--alarm", "3.temperature > 99")[
-        "alarms"
-    ]
-    assert (rule["met"], rule["first"], rule["last"], rule["worst"]) == (0, None, None, None)
-
-
 def test_an_input_without_clock_has_no_rates_and_no_times(stats: Counting) -> None:
     bus = stats.bus(CAPTURES / "lss_clean.bin")
     assert bus["load"] is None
