@@ -20,6 +20,10 @@ class Place(NamedTuple):
     what: str
 
 
+LINE: Final = -1
+"""Stands among servos for all that is nobody's: what is found of the line."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """What one rule found; it says what is so, not why.
@@ -31,7 +35,7 @@ class Finding:
     ns, where there are several. ``values`` are its numbers by name. ``is_own``: it tells of its
     servo and of nobody else, so no cause that is not a servo's explains it. ``may_be``: servos of
     which it may tell as well, and nothing says of which. ``befell``: servos to which the same has
-    happened: what is found of them from then on follows from it.
+    happened (or ``LINE``): what is found of them from then on follows from it.
     """
 
     code: str

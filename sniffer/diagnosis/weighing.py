@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
-from sniffer.diagnosis.model import SAID, Ranked, Reason
+from sniffer.diagnosis.model import LINE, SAID, Ranked, Reason
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NEVER_NS, NS
@@ -310,10 +310,14 @@ def _followed(found: list[Explained]) -> list[Explained]:
 
 
 def _follows(one: Explained, other: Explained) -> bool:
-    """Tell whether all that is found in one incident befell its servos by another one's cause."""
+    """Tell whether all that is found in one incident befell its servos by another one's cause.
+
+    Or the line, where it is nobody's.
+    """
     weights = WEIGHTS[other.causes[0].cause]
-    return bool(one.servo_ids) and any(
-        set(one.servo_ids) <= set(f.befell) and all(f.first_ns <= g.first_ns for g in one.findings)
+    whom = set(one.servo_ids or (LINE,))
+    return any(
+        whom <= set(f.befell) and all(f.first_ns <= g.first_ns for g in one.findings)
         for f in other.findings
         if f.code in weights and weights[f.code].is_key
     )

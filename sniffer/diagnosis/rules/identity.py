@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.model import LINE, Finding, Place
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -38,9 +38,24 @@ FINDINGS: Final = (
         "A servo was told another baud rate and answers nothing at this one since.",
         "A frame that gives the rate, at least three requests behind it, and none of them answered from some moment on.",
     ),
+    FindingCode(
+        "torn-at-old-rate",
+        "device",
+        "A servo was told another baud rate, and nothing of what is said since holds at this one.",
+        "A frame that gives the rate, at most ten seconds before the last frame that holds, and 50 bytes and more behind that one.",
+        remedy="Decode what comes behind it by the rate that was given, as a capture of its own: cut it off there, or record it anew.",
+        settle="Decode what comes behind it by the rate that was given, as a capture of its own: cut it off there, or record it anew.",
+    ),
 )
 
 LEAST: Final = 3
+
+SOON_NS: Final = 10 * NS
+"""So long behind the frame that gives a rate the line may go on at the old one, at most: a servo takes
+it with its next start, which who gave it commands, and others are told, too."""
+
+PLENTY: Final = 50
+"""Bytes in no frame that are no noise of a restart."""
 
 TOO_MANY: Final = ("duplicate-response", "unsolicited-response")
 """What comes of a second answer that lies over no other one."""
@@ -159,6 +174,32 @@ def old_rates(case: Case) -> Iterator[Finding]:
             )
 
 
+def torn_since(case: Case) -> Iterator[Finding]:
+    """Lines on which nothing holds any more since a servo was told another rate."""
+    told = case.anomalies("baud-changed")
+    told = told.take((told.t_ns >= case.last_ns - SOON_NS) & (told.t_ns <= case.last_ns))
+    behind = case.line["t_first"] > case.last_ns
+    lost = int(case.line["gap_bytes"][behind].sum())
+    if not len(told) or lost < PLENTY:
+        return
+    for servo in dict.fromkeys(told.servo_id.tolist()):
+        mine = told.take(told.servo_id == servo)
+        t, at, length = int(mine.t_ns[-1]), int(mine.at[-1]), int(mine.length[-1])
+        rate = _rate(case, _value(case, "baud", servo, t))
+        yield Finding(
+            "torn-at-old-rate",
+            servo,
+            t,
+            int(case.line["t_last"][behind].max()),
+            len(mine),
+            f"servo {servo} was told {rate} at {case.since(t)}, and none of the {lost} bytes behind "
+            f"{case.since(case.last_ns)} is in a frame",
+            (Place(at, length, t, f"servo {servo} is told {rate}"),),
+            brief=f"servo {servo} is told {rate}, and nothing holds since",
+            befell=(servo, LINE),
+        )
+
+
 def _since(case: Case, servo: int, t_ns: int) -> tuple[int, int, int, int]:
     """Return how often a servo was asked and answered behind a moment, and when that was.
 
@@ -186,5 +227,5 @@ def _rate(case: Case, code: int | None) -> str:
     return f"{next((n for n in named if n), code)} baud"
 
 
-RULES: Final[tuple[Rule, ...]] = (old_ids, ids_given_twice, old_rates)
+RULES: Final[tuple[Rule, ...]] = (old_ids, ids_given_twice, old_rates, torn_since)
 """The rules of this file."""

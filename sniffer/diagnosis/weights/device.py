@@ -145,6 +145,7 @@ WEIGHTS: Final = (
     *for_(
         "baud-changed",
         ("silent-at-old-rate", 3.5, "it is silent since it was told another rate"),
+        ("torn-at-old-rate", 4.0, "nothing holds since it was told another rate"),
         ("baud-changed", 1.5, "a frame gives the servo another rate"),
         ("silent-since", 1.4, "it is silent since"),
         ("no-response", 0.6, "it is asked at the old rate still"),
