@@ -106,6 +106,20 @@ def started(
         return server().start(told, (nothing.fileno(), out, err), variables)
 
 
+def begin_anew(path: Path) -> None:
+    """Write a program that begins the command as a shell does."""
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="utf-8")
+    path.chmod(0o755)
+
+
+def install(path: Path) -> None:
+    """Write a program that is the command, forked where that does the same."""
+    if can_fork():
+        server().install(path)
+    else:
+        begin_anew(path)
+
+
 def within(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Ran:
     """Run a command within this process: the same, but ten times faster."""
     capsys.readouterr()
