@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,7 +24,8 @@ from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
+
+    from tests.forked import Process
 
 
 COMMAND: Final = (sys.executable, "-m", "sniffer")
@@ -89,6 +91,33 @@ def _forked(arguments: list[str], data: bytes | None, env: Mapping[str, str]) ->
         out.seek(0)
         err.seek(0)
         return Ran(status, out.read().decode(), err.read().decode())
+
+
+def started(
+    *arguments: str | Path, out: int, err: int, env: Mapping[str, str] | None = None
+) -> Process | subprocess.Popen[bytes]:
+    """Start a command that finds nothing on standard input; the others are descriptors."""
+    told, variables = [str(a) for a in arguments], environment(**(env or {}))
+    if not can_fork(env or ()):
+        return subprocess.Popen(
+            [*COMMAND, *told], stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=variables
+        )
+    with Path(os.devnull).open("rb") as nothing:
+        return server().start(told, (nothing.fileno(), out, err), variables)
+
+
+def begin_anew(path: Path) -> None:
+    """Write a program that begins the command as a shell does."""
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="utf-8")
+    path.chmod(0o755)
+
+
+def install(path: Path) -> None:
+    """Write a program that is the command, forked where that does the same."""
+    if can_fork():
+        server().install(path)
+    else:
+        begin_anew(path)
 
 
 def within(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Ran:

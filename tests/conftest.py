@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 from hypothesis import HealthCheck, settings
 
+from sniffer.ground.collecting import collect_seldom
 from sniffer.wireshark import tables
 from tests.commands import talk
 from tests.hostile import Victim, recording
@@ -33,6 +34,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 # Where no bytecode may be written, as in many containers, each process that a test starts would
 # compile all of the package: that takes twice as long as all else it does.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# What was collected as tests stays until the end: no need to look through it again and again.
+collect_seldom()
 
 # What a shell starts in the background ignores Ctrl-C and Ctrl-\, and so would every program under
 # test.

@@ -38,7 +38,7 @@ def diagnosed(
 
 def found(diagnosis: Diagnosis) -> list[Finding]:
     """Return all findings of all buses."""
-    return [finding for case in diagnosis.cases() for finding in findings(case)]
+    return [finding for case in diagnosis.cases() for finding in case.once(findings)]
 
 
 def codes(diagnosis: Diagnosis) -> set[str]:

@@ -6,11 +6,10 @@ import contextlib
 import json
 import os
 import select
-import subprocess
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from tests.commands import COMMAND, environment
+from tests.commands import started
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,15 +23,13 @@ class Running:
     """A simulation in a process of its own; ``ports`` are the paths it printed, in order."""
 
     def __init__(self, *arguments: str | Path, ports: int = 1) -> None:
-        self.process = subprocess.Popen(
-            [*COMMAND, "simulate", *map(str, arguments)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(),
-        )
-        assert self.process.stdout is not None
-        lines = [self.process.stdout.readline().split() for _ in range(ports)]
+        out, their_out = os.pipe()
+        err, their_err = os.pipe()
+        self.process = started("simulate", *arguments, out=their_out, err=their_err)
+        os.close(their_out)
+        os.close(their_err)
+        self._out, self._err = (os.fdopen(fd, encoding="utf-8") for fd in (out, err))
+        lines = [self._out.readline().split() for _ in range(ports)]
         assert all(lines), self.end()
         self.ports = [words[-1] for words in lines]
 
@@ -40,9 +37,17 @@ class Running:
         """Let it end, by a signal if need be; return what it complained of."""
         if number is not None:
             self.process.send_signal(number)
-        _, err = self.process.communicate(timeout=DEADLINE_S)
+        self.process.wait(timeout=DEADLINE_S)
+        err = self._err.read()
         assert "Traceback" not in err, err
         return err
+
+    def close(self) -> None:
+        """Kill it, unless it has ended."""
+        self.process.kill()
+        self.process.wait()
+        self._out.close()
+        self._err.close()
 
 
 @contextlib.contextmanager
@@ -51,9 +56,7 @@ def running(*arguments: str | Path, ports: int = 1) -> Iterator[Running]:
     try:
         yield it
     finally:
-        if it.process.poll() is None:
-            it.process.kill()
-            it.process.communicate()
+        it.close()
 
 
 class Ear:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import click
 import pytest
 
 from sniffer.cli import COMMANDS, cli
-from tests.commands import environment, within
+from tests.commands import environment, install, within
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,9 +62,7 @@ def test_bash_completes_commands_options_and_their_words(
 ) -> None:
     script = tmp_path / "completion"
     script.write_text(within(capsys, "completion", "bash").out, encoding="utf-8")
-    command = tmp_path / "sniffer"
-    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m sniffer "$@"\n', encoding="utf-8")
-    command.chmod(0o755)
+    install(tmp_path / "sniffer")
     asked = (
         f"source {script}; COMP_WORDS=({words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); "
         '_sniffer_completion sniffer; printf "%s\\n" "${COMPREPLY[@]}"'

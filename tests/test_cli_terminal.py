@@ -15,7 +15,7 @@ from rich.cells import cell_len
 import sniffer
 from sniffer.decoding.rows import AnomalyRow, FrameRow
 from sniffer.sinks.text import WIDE
-from tests.commands import COMMAND, environment, talk, two_buses, within
+from tests.commands import COMMAND, environment, started, talk, two_buses, within
 from tests.terminals import PATIENCE_S
 from tests.test_cli_text import ANSI, CAPTURES, rows_of, sample, shown, table_of
 
@@ -28,13 +28,9 @@ def on_a_terminal(*arguments: str | Path, status: int = 0, **env: str) -> str:
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
     try:
-        process = subprocess.Popen(
-            [*COMMAND, *map(str, arguments)],
-            stdin=subprocess.DEVNULL,
-            stdout=theirs,
-            stderr=subprocess.DEVNULL,
-            env=environment(TERM="xterm-256color", **env),
-        )
+        with Path(os.devnull).open("wb") as nothing:
+            variables = {"TERM": "xterm-256color", **env}
+            process = started(*arguments, out=theirs, err=nothing.fileno(), env=variables)
         os.close(theirs)
         sent = b""
         while True:

@@ -103,6 +103,19 @@ def test_asking_meanwhile_changes_nothing(protocol: str) -> None:
     assert told(diagnosis) == told(diagnosed(chunks, protocol))
 
 
+def test_what_was_found_is_kept_until_more_is_heard() -> None:
+    chunks = bus("wck", 3)
+    diagnosis = Diagnosis()
+    pipeline = Pipeline(Options(protocol="wck"), [diagnosis], ahead=chunks)
+    half = len(chunks) // 2
+    pipeline.feed(chunks[:half])
+    (before,) = diagnosis.cases()
+    told(diagnosis)
+    assert diagnosis.cases()[0] is before
+    pipeline.feed(chunks[half:])
+    assert diagnosis.cases()[0] is not before
+
+
 @pytest.mark.parametrize("protocol", BUSES)
 def test_sound_traffic_has_no_incident(protocol: str) -> None:
     for seed in range(3):

@@ -59,7 +59,7 @@ def test_a_ring_of_a_bus_that_says_little_is_bounded_by_what_it_takes_in_memory(
     monkeypatch.setattr("sniffer.mcapfile.ring.MEMORY", 1 << 20)
     ring = Ring(3600 * NS, 1 << 20)
     tracemalloc.start()
-    for tick in range(20_000):
+    for tick in range(8000):
         said, t_ns = tick.to_bytes(20, "big"), tick * NS // 20
         noisy = tuple(Mark(MarkKind.FRAMING, k, 1) for k in range(marks))
         ring.add("bus0", [Chunk(said, t_ns, Clock.READ, marks=noisy)])

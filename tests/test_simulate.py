@@ -217,7 +217,7 @@ def test_a_process_that_is_killed_leaves_a_truth_that_can_be_read(tmp_path: Path
         data = me.listen(until=300)
         it.process.kill()
         data = me.listen()
-        it.process.communicate()
+        it.process.wait()
     known = heard(framed(truth))
     assert data.startswith(known) or known.startswith(data)
     assert min(len(known), len(data)) > 200

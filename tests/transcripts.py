@@ -25,7 +25,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, field
@@ -35,7 +34,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile.source import chunks
 from tests.background import OVER_S, Job, lines_of
-from tests.forked import can_fork, server
+from tests.commands import begin_anew, install
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -190,12 +189,8 @@ class Stage:
         begun = self.folder / ".begun" / "sniffer"
         command.parent.mkdir()
         begun.parent.mkdir()
-        begun.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii")
-        begun.chmod(0o755)
-        if can_fork():
-            server().install(command)
-        else:
-            shutil.copy(begun, command)
+        begin_anew(begun)
+        install(command)
 
     def __enter__(self) -> Self:
         return self

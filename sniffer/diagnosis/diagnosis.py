@@ -49,6 +49,7 @@ class Diagnosis:
         self._ledgers: dict[str, Ledger] = {}
         self._waiting: dict[str, list[Batch]] = {}
         self._paces: dict[str, Pace] = {}
+        self._cases: list[Case] | None = None  # what was asked last, while nothing came since
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came: all that matters of them comes decoded."""
@@ -59,6 +60,7 @@ class Diagnosis:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what one pass decided."""
+        self._cases = None
         name = bus_of(bus, protocol, batch)
         ledger = self._ledgers.get(name)
         if ledger is None:
@@ -78,14 +80,17 @@ class Diagnosis:
         """Finish; the diagnosis can be asked for afterwards."""
 
     def cases(self) -> list[Case]:
-        """Return each bus as the rules see it."""
+        """Return each bus as the rules see it; what they found is known until more is heard."""
+        if self._cases is not None:
+            return self._cases
         for name in list(self._waiting):
             self._take(name)
         first = {ledger.bus: ledger for ledger in reversed(self._ledgers.values())}
-        return [
+        self._cases = [
             Case(with_withheld(ledger), speaks_first=first[ledger.bus] is ledger)
             for ledger in self._ledgers.values()
         ]
+        return self._cases
 
     def incidents(self) -> tuple[Incident, ...]:
         """Return the incidents of all buses so far, by bus and beginning."""

@@ -36,7 +36,7 @@ AHEAD_NS: Final = MappingProxyType(
 
 def incidents(case: Case) -> list[Incident]:
     """Return the incidents of a bus, by their beginning; numbers count from 1."""
-    found = findings(case)
+    found = case.once(findings)
     out = sorted((_made(case, e, found) for e in explain(found)), key=lambda i: i.first_ns)
     return [replace(incident, number=n) for n, incident in enumerate(out, 1)]
 
