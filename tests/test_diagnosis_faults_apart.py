@@ -64,6 +64,22 @@ def test_what_was_there_before_the_tap_lost_bytes_is_no_side_effect_of_that() ->
     assert weighed([*lost, *hangs]) == [("tap-loss", ())]
 
 
+def test_a_servo_that_misses_requests_and_never_breaks_off_may_have_its_clock_off() -> None:
+    missed = ("comes-and-goes", "misses-now-and-then", "no-response", "torque-survives")
+    losses = [told(c, servo_id=10) for c in (*missed, "away-unevenly", "outages-anytime")]
+    (alone,) = explain(losses)
+    (whole,) = explain([*losses, told("away-without-a-tear", 0.7, servo_id=10)])
+    assert [c.cause for c in whole.causes][:2] == ["bad-cable", "clock-drift"]
+    assert whole.causes[0].confidence < 0.9 < alone.causes[0].confidence
+
+
+def test_what_is_spoken_into_and_never_whole_meets_another_answer() -> None:
+    torn = [told(c, servo_id=4) for c in ("answers-always-torn", "damage-one-servo")]
+    (one,) = explain([*torn, told("answers-spoken-into")])
+    assert one.causes[0].cause == "duplicate-id"
+    assert one.causes[0].confidence > 0.9
+
+
 def answers_lie_over_each_other(noise: float) -> Conversation:
     """Servo 2 and its twin answer a byte or so apart; of others some frames are hit by a pulse."""
     rng = random.Random(5)

@@ -367,7 +367,7 @@ WEIGHTS: Final = (
     ),
     *for_(
         "bad-cable",
-        ("away-without-a-tear", -1.5, "a contact opens within answers, too"),
+        ("away-without-a-tear", -2.0, "a contact opens within answers, too"),
         ("one-question-unanswered", -6.0, "a contact does not choose a question"),
         ("outages-evenly", -1.2, "a contact opens at any time"),
         ("outages-anytime", 0.5, "a contact opens at any time"),
