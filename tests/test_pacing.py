@@ -219,7 +219,7 @@ def test_decoding_a_log_says_what_was_inferred_of_its_host(tmp_path: Path) -> No
 
 
 def test_a_log_of_hundredths_of_seconds_shows_that_its_adapter_holds_bytes(tmp_path: Path) -> None:
-    """What took longer than a prompt host waits came in one: no servo is slow by where that is cut."""
+    """What took longer than a prompt host waits came in one: no servo is slow for where it ends."""
     talk = robot("rs30x", 20, servos=(1, 2, 3, 4, 5), rate_hz=17.24, goals=False)
     log: list[tuple[int, bytes]] = []
     due_ns, held = (talk.chunks[0].t_ns or 0) + TIMER_NS, bytearray()
