@@ -138,3 +138,23 @@ def test_what_second_answers_tear_while_motors_work_is_no_interference() -> None
     d = robot("rs30x", 24, servos=(1, 2, 3, 4), path=path, instead=instead).diagnosed()
     assert "damage-while-moving" not in codes(d)
     assert verdicts(d.incidents()) == [("duplicate-id", (2,))]
+
+
+def test_a_line_that_tears_most_frames_of_all_has_no_controller_that_does_not_wait() -> None:
+    """Requests are missing behind torn answers as they are behind sound ones; nothing is spared."""
+    rng = random.Random(11)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        ask, answer = talk.tongue.ask(servo), talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        is_heard = rng.random() < 0.45
+        talk.say(ask if is_heard else hit(ask, rng))
+        talk.rest(0.3 if is_heard else 4)
+        if is_heard:
+            talk.say(answer if rng.random() < 0.15 else hit(answer, rng))
+            talk.rest(0.3)
+        return True
+
+    d = robot("mightyzap", 12, servos=range(1, 9), rate_hz=20, instead=instead, goals=False)
+    told = d.diagnosed().incidents()
+    assert "impatient-controller" not in {i.cause for i in told}
+    assert told[0].cause == "bus-noise"
