@@ -158,3 +158,26 @@ def test_a_line_that_tears_most_frames_of_all_has_no_controller_that_does_not_wa
     told = d.diagnosed().incidents()
     assert "impatient-controller" not in {i.cause for i in told}
     assert told[0].cause == "bus-noise"
+
+
+def lone(*, misses: float, tears: float) -> Conversation:
+    """One servo is asked and nobody else: it misses requests, or these are torn on the line."""
+    rng = random.Random(2)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        ask, answer = talk.tongue.ask(servo), talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        is_torn, is_missed = rng.random() < tears, rng.random() < misses
+        talk.say(hit(ask, rng) if is_torn else ask)
+        talk.rest(4 if is_torn or is_missed else 0.3)
+        if not is_torn and not is_missed:
+            talk.say(hit(answer, rng) if rng.random() < misses / 4 + tears else answer)
+            talk.rest(0.3)
+        return True
+
+    return robot("mightyzap", 40, servos=(2,), rate_hz=40, instead=instead, goals=False)
+
+
+def test_of_a_servo_alone_on_its_bus_missing_answers_to_whole_requests_are_its_own() -> None:
+    (first, *_) = lone(misses=0.03, tears=0).diagnosed().incidents()
+    assert (first.cause, first.servo_ids) == ("bad-cable", (2,))
+    assert "comes-and-goes" not in codes(lone(misses=0, tears=0.03).diagnosed())
