@@ -73,6 +73,13 @@ def test_a_servo_that_misses_requests_and_never_breaks_off_may_have_its_clock_of
     assert whole.causes[0].confidence < 0.9 < alone.causes[0].confidence
 
 
+def test_no_clock_chooses_the_question_that_a_servo_leaves_unanswered() -> None:
+    missed = ("comes-and-goes", "misses-now-and-then", "no-response", "outages-anytime")
+    losses = [told(c, servo_id=16) for c in (*missed, "away-without-a-tear")]
+    (one,) = explain([*losses, told("one-question-unanswered", servo_id=16)])
+    assert one.causes[0].cause == "servo-refuses"
+
+
 def test_what_is_spoken_into_and_never_whole_meets_another_answer() -> None:
     torn = [told(c, servo_id=4) for c in ("answers-always-torn", "damage-one-servo")]
     (one,) = explain([*torn, told("answers-spoken-into")])
