@@ -328,7 +328,7 @@ def _group(
     Each of those that have far more than the soundest begins a group; who fails only in its
     moments belongs to it, however few of its answers were asked for just then.
     """
-    if len(lost) == 1:
+    if len(case.answering) == 1:
         return (bad, []) if _alone_loses(case, bad[0]) else ([], [])
     best = min(lost, key=lambda one: one.share)
     clear = [
