@@ -70,7 +70,7 @@ def test_a_servo_that_misses_requests_and_never_breaks_off_may_have_its_clock_of
     (alone,) = explain(losses)
     (whole,) = explain([*losses, told("away-without-a-tear", 0.7, servo_id=10)])
     assert [c.cause for c in whole.causes][:2] == ["bad-cable", "clock-drift"]
-    assert whole.causes[0].confidence < 0.9 < alone.causes[0].confidence
+    assert whole.causes[0].confidence < alone.causes[0].confidence - 0.02
 
 
 def test_no_clock_chooses_the_question_that_a_servo_leaves_unanswered() -> None:
