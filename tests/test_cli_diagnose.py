@@ -304,7 +304,7 @@ def test_causes_that_are_nothing_are_not_shown_and_scripts_have_them(diagnose: A
     capture = CAPTURES / "mightyzap_damaged.log"
     told = diagnose.says(capture).out
     assert " 0 %" not in told
-    assert " 3 %  emi-load" in told
+    assert " 4 %  emi-load" in told
     (brownout, *_) = diagnose.told(capture)["incidents"]
     assert [c["cause"] for c in brownout["causes"]] == ["brownout", "bus-noise", "emi-load"]
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from sniffer import diagnose
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.decoding.joining import joined
-from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace, exchanges_in
+from sniffer.decoding.pacing import ASSUMED, ESTIMATED, PACKET, STATED, TIMER_NS, Pace, exchanges_in
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.codes import OK
 from sniffer.ground.model import NS, Chunk, Clock
@@ -24,6 +25,7 @@ from sniffer.simulation.faults import Fault
 from sniffer.simulation.render import frame_reads, usb_reads
 from sniffer.sources import open_source
 from tests.commands import sniffer
+from tests.conversations import robot
 from tests.hosts import MS, lines, reads, truths
 from tests.lists import each_in_turn, in_turn
 
@@ -214,6 +216,29 @@ def test_decoding_a_log_says_what_was_inferred_of_its_host(tmp_path: Path) -> No
     assert again.status == 0
     redecoded = sniffer("decode", tmp_path / "lss.mcap", "--protocol", "lss", "--format", "jsonl")
     assert redecoded.out == whole.out
+
+
+def test_a_log_of_hundredths_of_seconds_shows_that_its_adapter_holds_bytes(tmp_path: Path) -> None:
+    """What took longer than a prompt host waits came in one: no servo is slow for where it ends."""
+    talk = robot("rs30x", 20, servos=(1, 2, 3, 4, 5), rate_hz=17.24, goals=False)
+    log: list[tuple[int, bytes]] = []
+    due_ns, held = (talk.chunks[0].t_ns or 0) + TIMER_NS, bytearray()
+    for chunk in talk.chunks:
+        t_ns = chunk.t_ns or 0
+        if t_ns >= due_ns:
+            log.append((due_ns, bytes(held)))
+            held.clear()
+            due_ns += ((t_ns - due_ns) // TIMER_NS + 1) * TIMER_NS
+        held += chunk.data
+        if len(held) >= PACKET:
+            log.append((t_ns, bytes(held[:PACKET])))
+            del held[:PACKET]
+            due_ns = t_ns + TIMER_NS
+    path = tmp_path / "arm.log"
+    path.write_text("".join(f"({t / NS:.2f}) bus0 #{data.hex()}\n" for t, data in log if data))
+    judged = diagnose(path)
+    assert not judged.incidents
+    assert "29 ms" in judged.sentence
 
 
 # --- figures -------------------------------------------------------------------------------------

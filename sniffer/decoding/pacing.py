@@ -232,8 +232,8 @@ class _Look:
 
     def held_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held bytes, by how deliveries and answers lie."""
-        if self.coarse >= PROMPT_NS:  # by such stamps no timer can be seen
-            return 0
+        if self.coarse >= PROMPT_NS:  # by such stamps no timer can be seen, only what it held
+            return _with_margin(TIMER_NS) if self._is_held(byte_ns) else 0
         gap = np.diff(self.t)
         apart = (gap < 0) | (gap > np.maximum(self.n[1:] * byte_ns // 2, ONE_READ_NS))
         number = np.concatenate([[0], np.cumsum(apart)])
@@ -268,6 +268,12 @@ class _Look:
         else:
             return resolution
         return max(_with_margin(timer), resolution)
+
+    def _is_held(self, byte_ns: int) -> bool:
+        """Tell whether questions came with answers that took longer than a prompt host waits."""
+        asked, answered = np.searchsorted(self.end, np.stack([self.asked, self.answered]), "left")
+        held = (asked == answered) & (self.n[answered] * byte_ns > PROMPT_NS)
+        return bool(held.sum() >= EXCHANGES and held.mean() >= MERGED)
 
     def byte_ns(self, *, is_prompt: bool) -> float:
         """Return the time of a byte as the stamps have it; 0 where they do not tell."""

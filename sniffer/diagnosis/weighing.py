@@ -83,7 +83,7 @@ def explain(findings: Sequence[Finding]) -> list[Explained]:
             break
         best = _without_others(best, left, findings)
         out.append(_explained(best, left, findings))
-        taken = set(map(id, best.explained)) - _of_another(best, left)
+        taken = set(map(id, best.explained)) - _of_another(best, left) - _there_before(best)
         left = [f for f in left if id(f) not in taken]
     return _joined(out)
 
@@ -102,7 +102,7 @@ def _without_others(
     beside = [f for f in best.explained if f.servo_id is not None and f.servo_id not in meant]
     away = set(map(id, best.explained)) - set(map(id, beside))
     rest = [f for f in left if id(f) not in away] if beside else []
-    proven = {w.servo_id for w in weigh(rest, rest) if w.cause.of == SERVO and w.score >= PROOF}
+    proven = {w.servo_id for w in weigh(rest, rest) if w.cause.of == SERVO and w.score > LEAST}
     apart = set(map(id, (f for f in beside if f.servo_id in proven)))
     if not apart:
         return best
@@ -114,18 +114,48 @@ def _of_another(best: Weighed, left: Sequence[Finding]) -> set[int]:
     """Return findings that a cause has as side effects, and that prove the fault of one servo.
 
     What befalls the line, the controller or the tap does not choose a servo: where one is hit far
-    more than others, and in a way that a fault of its own has, there are two faults.
+    more than others, and in a way that a fault of its own has, there are two faults. A sign that
+    proves such a fault by itself has all that is told of its servo with it.
     """
     weights = WEIGHTS[best.cause.slug]
     sides = {id(f) for f in best.explained if weights[f.code].weight <= SIDE}
+    if not sides or best.cause.of == SERVO:
+        return set()
+    proven = {f.servo_id for f in best.explained if id(f) in sides and _proves_its_own(f)}
+    sides |= {id(f) for f in best.explained if f.servo_id is not None and f.servo_id in proven}
     rest = [f for f in left if id(f) in sides or all(f is not other for other in best.explained)]
     out: set[int] = set()
-    for w in weigh(rest, rest) if sides and best.cause.of != SERVO else ():
+    for w in weigh(rest, rest):
         mine = [f for f in w.explained if id(f) in sides and f.servo_id == w.servo_id]
         signs = {f.code for f in mine if WEIGHTS[w.cause.slug][f.code].is_key}
         its_own = any(_declared(code).is_its_own for code in signs)
-        if w.cause.of == SERVO and w.score >= PROOF and its_own and len(signs) > 1:
+        is_shown = its_own and (len(signs) > 1 or w.servo_id in proven)
+        if w.cause.of == SERVO and w.score >= PROOF and is_shown:
             out |= set(map(id, mine))
+    return out
+
+
+def _proves_its_own(f: Finding) -> bool:
+    """Tell whether a finding is as good as proof that its servo has a fault of its own."""
+    tables = (WEIGHTS[c.slug] for c in CAUSES.values() if c.of == SERVO)
+    most = max((t[f.code].weight for t in tables if f.code in t), default=0.0)
+    return _declared(f.code).is_its_own and most * f.strength >= PROOF
+
+
+def _there_before(best: Weighed) -> set[int]:
+    """Return findings of servos that were there before all else that a cause explains.
+
+    What befalls the line, the controller or the tap has its side effects when it is there.
+    """
+    weights = WEIGHTS[best.cause.slug]
+    if best.cause.of == SERVO:
+        return set()
+    out: set[int] = set()
+    for f in best.explained:
+        others = [g.first_ns for g in best.explained if g.servo_id != f.servo_id]
+        is_side = f.servo_id is not None and f.code in FINDINGS and weights[f.code].weight <= SIDE
+        if is_side and others and f.first_ns < min(others) - SLACK_NS:
+            out.add(id(f))
     return out
 
 

@@ -34,7 +34,7 @@ FINDINGS: Final = (
         "away-without-a-tear",
         "pairing",
         "A servo goes away time and again, and never within an answer.",
-        "More than three silences or single losses, and no torn answer of it.",
+        "More than three silences or single losses, and no torn answer of it, or one for forty of those; it counts as likely as a contact that opens so often would have torn an answer.",
     ),
     FindingCode(
         "torn-when-away",
@@ -90,6 +90,12 @@ LESS: Final = 0.7
 FEW: Final = 0.05
 """Part of the time for which a servo speaks, where no clock tells it."""
 
+HARDLY: Final = 40
+"""Of so many silences a torn answer may be another matter."""
+
+WITHIN: Final = 0.04
+"""How often a contact that opens for one request alone is open for so short a time, and in its answer."""
+
 SAME_QUESTION: Final = 0.9
 """Part of the silences that must begin with one request: of many, another one may get lost, too."""
 
@@ -122,15 +128,16 @@ def tears(case: Case) -> Iterator[Finding]:
         torn = case.total("damaged", servo)
         # three are a habit where each is of several requests, and answers are torn besides
         is_habit = torn > 0 and len(runs) == OFTEN and all(run.missed > 1 for run in runs)
-        if not (is_habit or len(runs) > OFTEN) or 0 < torn < max(2, len(runs) / 10):
+        is_whole = torn * HARDLY <= len(runs)
+        if not (is_habit or len(runs) > OFTEN) or not (is_whole or torn >= max(2, len(runs) / 10)):
             continue
         yield _told(
-            "torn-when-away" if torn else "away-without-a-tear",
+            "away-without-a-tear" if is_whole else "torn-when-away",
             servo,
             runs,
             f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
             f"{'are' if torn > 1 else 'is'} torn",
-            min((len(runs) + torn) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
+            _would_tear(case, servo, runs) if is_whole else min((len(runs) + torn) / PLENTY, 1.0),
         )
 
 
@@ -148,17 +155,19 @@ def for_long(case: Case) -> Iterator[Finding]:
             yield _told("away-for-long", servo, long, what, 1.0)
 
 
-def _would_tear(case: Case, servo: int, times: int) -> float:
+def _would_tear(case: Case, servo: int, runs: Sequence[Silence]) -> float:
     """Return how likely a contact that opens so often would have torn an answer of a servo.
 
-    An answer takes so much of the time, and a contact opens at any moment of it.
+    An answer takes so much of the time, and a contact opens at any moment of it. Where one request
+    alone is missed it may have been open for less than an exchange, and within the answer as well.
     """
     rows = case.traffic["servo_id"] == servo
     frames = max(int(case.traffic["frames"][rows].sum()), 1)
     mean_bytes = case.ledger.bytes / max(case.ledger.frames, 1)
     said_ns = frames / 2 * mean_bytes * case.ledger.byte_ns
     share = said_ns / max(case.seconds * NS, 1.0) if case.has_clock else FEW
-    return min(1.0 - math.exp(-times * share), 1.0)
+    single = sum(run.missed == 1 for run in runs)
+    return min(1.0 - math.exp(-len(runs) * share - single * WITHIN), 1.0)
 
 
 def together(case: Case) -> Iterator[Finding]:

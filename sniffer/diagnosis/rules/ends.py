@@ -12,7 +12,7 @@ from sniffer.diagnosis.delays import delays
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT, OTHER
 from sniffer.diagnosis.rules.bits import bits_finding
 from sniffer.diagnosis.signs import BARE, beginnings
-from sniffer.diagnosis.twins import torn_by_twins
+from sniffer.diagnosis.twins import torn_by_twins, twins
 from sniffer.diagnosis.uart import FALLS
 from sniffer.ground.model import NEVER_NS
 
@@ -119,7 +119,9 @@ def torn_in_front(case: Case) -> list[Misread]:
     return [
         m
         for m in answers
-        if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
+        # what tears these tears any byte
+        if m.damage.at not in torn_by_twins(case)
+        and m.servo_id not in twins(case)
         and m.damage.got[:1] != other  # a request that somebody speaks into
         if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
     ]

@@ -16,6 +16,7 @@ from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.order import Order
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.crossings import tears_anyway
 from sniffer.diagnosis.twins import torn_by_twins
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock
@@ -137,6 +138,8 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     """Requests that run into answers, by their bytes."""
     if not case.has_prompt_stamps or case.count("adapter-echo"):
         return  # of an echo it is what comes back; of a host that holds bytes, two pieces
+    if case.once(tears_anyway):
+        return
     asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
     replies = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
     replies = [d for d in replies if d.at not in torn_by_twins(case)]
@@ -169,7 +172,7 @@ def swallowed(case: Case) -> Iterator[Finding]:
     exchanges = case.ledger.exchanges
     torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
     is_timed = case.has_prompt_stamps
-    if not torn or (case.protocol.ordered and not is_timed):
+    if not torn or (case.protocol.ordered and not is_timed) or case.once(tears_anyway):
         return
     order = case.once(Order)
     judged, shown = 0, []

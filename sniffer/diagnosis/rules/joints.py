@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.efforts import effort
+from sniffer.diagnosis.hanging import hangs_behind, hangs_since_it_was_away
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
 from sniffer.diagnosis.tracks import LAG_NS, LOOKS, Away, in_force, track
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.efforts import Effort
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.tracks import JointTrack
-    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -51,7 +51,7 @@ FINDINGS: Final = (
         "joint-limp-after-restart",
         "device",
         "A joint does not follow its goals any more since its servo was away or told to restart.",
-        "As above, and a silence of that servo, or a restart, that ended in the five seconds before.",
+        "As above, and a silence of that servo, or a restart, that ended in the five seconds before; or it moved until the servo first left a request unanswered, and never since.",
         is_lasting=True,
     ),
     FindingCode(
@@ -68,12 +68,6 @@ FINDINGS: Final = (
         is_lasting=True,
     ),
 )
-
-BEFORE_NS: Final = 5 * NS
-"""An alarm or a restart may be so long before the joint is seen to hang."""
-
-AFTER_NS: Final = 2 * NS
-"""... and so long behind its beginning: it is weak before it lets go."""
 
 ALARMS: Final = (
     "device-overload",
@@ -121,7 +115,8 @@ PERHAPS: Final = 0.5
 """How much it counts that a joint presses as it would by plan, or may not have heard its goals."""
 
 LOST: Final = 0.1
-"""Part of the requests that are torn where a joint may stand because it is not told to go."""
+"""Part of the requests, of all or of its own, that are torn where a joint may stand because it is
+not told to go."""
 
 FEW: Final = 2
 DISPLACED: Final = 0.5
@@ -249,11 +244,13 @@ def _kind(case: Case, one: JointTrack, away: Away) -> str:
     if not peaks <= motor.idles_to:
         return "joint-stalled" if _pulls_by_error(one, motor, away) else "joint-not-following"
     alarms = case.anomalies(*ALARMS, servo_id=one.servo_id).t_ns
-    if _since(one, away, np.concatenate([alarms, hot_times(case, one.servo_id)])):
+    if hangs_behind(one, away, np.concatenate([alarms, hot_times(case, one.servo_id)])):
         return "joint-limp-after-alarm"
     back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]
     begun = np.array([*back, *case.order_times(one.servo_id, RESTARTS).tolist()], np.int64)
-    return "joint-limp-after-restart" if _since(one, away, begun) else "joint-limp"
+    gone = case.ledger.silences.runs(one.servo_id)
+    is_since = hangs_behind(one, away, begun) or hangs_since_it_was_away(one, away, gone)
+    return "joint-limp-after-restart" if is_since else "joint-limp"
 
 
 def _pulls_by_error(one: JointTrack, motor: Effort, away: Away) -> bool:
@@ -323,22 +320,13 @@ def _presses(one: JointTrack, away: Away) -> bool:
     return has_come and bool(leaves.any() or not len(next_goals))
 
 
-def _since(one: JointTrack, away: Away, moments: I64) -> bool:
-    """Tell whether it hangs since one of some moments: shortly behind it, or it never moved."""
-    near = moments[moments <= away.first_ns + AFTER_NS]
-    if not len(near):
-        return False
-    last = int(near.max())
-    p = one.position
-    rows = np.flatnonzero((p.t_first >= last + AFTER_NS // 4) & (p.t <= away.first_ns))
-    still = len(rows) and float(p.high[rows].max() - p.low[rows].min()) < one.far / 2
-    return away.first_ns - last <= BEFORE_NS or bool(still)
-
-
-def _goals_are_lost(case: Case) -> bool:
-    """Tell whether so many requests are torn that goals do not reach their servos, some in a row."""
-    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
-    return torn > LOST * (torn + int(case.traffic["requests"].sum()))
+def _goals_are_lost(case: Case, servo: int) -> bool:
+    """Tell whether so many requests are torn, to all servos or to one, that goals do not reach it."""
+    d, t = case.damage, case.traffic
+    torn = d["turn"] == IN_REQUEST
+    lost = int(d["n"][torn].sum()), int(d["n"][torn & (d["servo_id"] == servo)].sum())
+    came = int(t["requests"].sum()), int(t["requests"][t["servo_id"] == servo].sum())
+    return any(n > LOST * (n + asked) for n, asked in zip(lost, came, strict=True))
 
 
 def _found(
@@ -369,7 +357,8 @@ def _found(
         what = f"goal {goals.told(goals.first[g])}"
         places += (Place(int(goals.at[g]), 1, int(goals.t_first[g]), what),)
     sure = 1.0 if took_ns >= ENOUGH_NS or len(several) > 1 else 0.8
-    sure *= PERHAPS if by_plan or _goals_are_lost(case) else 1.0
+    sure *= PERHAPS if by_plan else 1.0
+    sure *= PERHAPS if _goals_are_lost(case, servo) else 1.0
     meant = (
         "; it came there on the way to that goal, as one does that is to press" if by_plan else ""
     )

@@ -46,7 +46,7 @@ FINDINGS: Final = (
         "damage-in-answers",
         "line",
         "Answers are damaged, of several servos alike, and requests hardly ever.",
-        "Three torn answers or more, of two servos, and fewer torn requests than chance would have it.",
+        "Three torn answers or more, of two servos, and fewer torn requests than chance would have it: of them a third of that share at most.",
     ),
     FindingCode(
         "damage-in-requests",
@@ -118,6 +118,9 @@ ALONE: Final = 0.8
 SPARED: Final = 0.02
 """From so rare a chance on it counts that no frame is hit."""
 
+SPARES: Final = 1 / 3
+"""Part of the share of answers that are torn which may be torn of requests that are spared."""
+
 PLENTY: Final = 12
 """So many places are beyond doubt."""
 
@@ -169,7 +172,9 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         what += f"; values of {counted(altered, 'servo')} are in doubt"
     requests_alone = asked_torn >= LEAST
     requests_alone &= at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE
-    if left >= LEAST and at_least(left, left + asked_torn, share) < CHANCE:
+    # what tears a third of the requests does not spare them, however many answers it tears
+    is_spared = asked_torn * answers <= SPARES * left * requests
+    if left >= LEAST and is_spared and at_least(left, left + asked_torn, share) < CHANCE:
         yield _damage(case, rows, "damage-in-answers", None, what, "answers damaged")
     elif requests_alone and not altered:
         yield _damage(case, rows, "damage-in-requests", None, what, "requests damaged")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.line import singled_out
+from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -20,14 +22,14 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import F64, I64
+    from sniffer.ground.model import F64, I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
         "damage-while-moving",
         "line",
         "Damage comes while motors work, and less while they rest.",
-        "In quarters of a second: how much is damaged, apart from the answers of a servo that alone is hit, goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
+        "In quarters of a second: how much is damaged, apart from the answers of a servo that alone is hit and from what second answers tear, goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
         is_manner=True,
     ),
     FindingCode(
@@ -97,6 +99,9 @@ PLENTY: Final = 20
 CHANCE: Final = 0.02
 """How many times as much is damaged behind them as before, how much at the least, and how likely chance is to have it so by step."""
 
+MOSTLY: Final = 0.9
+"""Part of what is torn of a sender that second answers must have torn for all of it to be theirs."""
+
 PULLS: Final = ("current", "load")
 EFFORTS: Final = (*PULLS, "speed")
 WAYS: Final = ("position", "goal_position")
@@ -106,9 +111,7 @@ WAYS: Final = ("position", "goal_position")
 def damage_and_motors(case: Case) -> Iterator[Finding]:
     """Compare the damage while motors work with that while they rest."""
     d = case.damage
-    # what tears the answers of one servo alone chooses it, and goes with how often it is asked
-    alone = (d["turn"] == IN_REPLY) & np.isin(d["servo_id"], list(singled_out(case)))
-    mine = np.flatnonzero((d["turn"] != HELD) & (d["turn"] != AT_TURN) & ~alone)
+    mine = np.flatnonzero((d["turn"] != HELD) & (d["turn"] != AT_TURN) & ~_of_one_servo(case))
     if not case.has_clock or int(d["n"][mine].sum()) < LEAST:
         return
     bucket, n = d["bucket"][mine], d["n"][mine]
@@ -164,6 +167,21 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
         else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0) * (1.0 if pulls else BY_MOTION),
         brief="damage comes while motors work" if is_moved else "damage comes whatever moves",
     )
+
+
+def _of_one_servo(case: Case) -> Mask:
+    """Tell which damage is that of one servo's answers alone, or is done by second answers.
+
+    That chooses its servo, and goes with how often it is asked.
+    """
+    d = case.damage
+    out: Mask = (d["turn"] == IN_REPLY) & np.isin(d["servo_id"], list(singled_out(case)))
+    places = Counter((x.turn, x.servo_id) for x in case.damages)
+    theirs = Counter((x.turn, x.servo_id) for x in case.damages if of_twins(case, x))
+    for (turn, servo), n in theirs.items():
+        if n >= MOSTLY * places[turn, servo]:
+            out |= (d["turn"] == turn) & (d["servo_id"] == servo)
+    return out
 
 
 def damage_behind_steps(case: Case) -> Iterator[Finding]:

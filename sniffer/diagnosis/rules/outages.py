@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, so_alike, sureness
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.silences import of_one_length
 from sniffer.diagnosis.twins import of_twins
@@ -328,6 +328,8 @@ def _group(
     Each of those that have far more than the soundest begins a group; who fails only in its
     moments belongs to it, however few of its answers were asked for just then.
     """
+    if len(case.answering) == 1:
+        return (bad, []) if _alone_loses(case, bad[0]) else ([], [])
     best = min(lost, key=lambda one: one.share)
     clear = [
         one
@@ -354,6 +356,18 @@ def _group(
     if sound and rest * AHEAD > min(one.share for one in clear):
         return [], []
     return group, sound
+
+
+def _alone_loses(case: Case, one: LostAnswers) -> bool:
+    """Tell whether a servo, beside which there is none, leaves out answers to requests that are whole.
+
+    What disturbs the line tears requests as well, and those are torn here, too.
+    """
+    torn = int(case.damage["n"][case.damage["turn"] == IN_REQUEST].sum())
+    asked = int(case.traffic["requests"].sum()) + torn
+    theirs = (torn + 1) / (asked + 2)
+    is_more = at_least(one.bad, one.bad + one.ok, theirs) < CHANCE
+    return one.missing >= LEAST and is_more and one.share >= AHEAD * torn / max(asked, 1)
 
 
 def _often(times: I64) -> bool:

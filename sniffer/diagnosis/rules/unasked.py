@@ -51,6 +51,7 @@ FINDINGS: Final = (
         "device",
         "One device sends answers that nobody asked for.",
         "At least four answers without a request, or to commands of which it answers hardly any, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well, or is never asked while others answer (then those count, too, that stand now and then where another one's answer is due); where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        is_its_own=True,
     ),
 )
 

@@ -146,6 +146,7 @@ WEIGHTS: Final = (
         ("answers-mixed", 0.2, "a request over an answer begins like one"),
         ("damage-one-servo", 0.3, "answers of one servo are torn: it is the slowest"),
         ("coarse-stamps", -0.5, "the stamps cannot tell what came first"),
+        ("answers-always-torn", -1.5, "what it speaks into now and then comes in time"),
     ),
     *for_(
         "duplicate-id",
