@@ -30,6 +30,9 @@ START_NS: Final = 3 * NS
 """No servo here takes longer to start: third-party clients of RS30x wait so long; mightyZAP and LSS
 are there within a second."""
 
+LONG_AGO_NS: Final = 10 * START_NS
+"""Behind that nothing that was asked while servos started is open any more."""
+
 FEW: Final = 2
 """Requests to an id that was given away that look whether it is gone."""
 
@@ -89,28 +92,32 @@ class Excused:
         who = {*self._orders, *(servo for _, servo in told)}
         mine = np.ones(len(rows), bool) if ALL in who else np.isin(frames.servo_id[of], list(who))
         rows, of = rows[mine], of[mine]
-        at = frames.start[of] + batch.base
+        at, t_start = frames.start[of] + batch.base, frames.t_start[of]
         found = Anomalies.of(batch.anomalies)
         excused: list[int] = []
-        for k in np.argsort(at, kind="stable").tolist():
-            while told and told[0][0].at < at[k]:
+        order = np.argsort(at, kind="stable")
+        columns = (frames.servo_id[of], at, t_start, t.outcome[rows])
+        for k, servo, place, t_ns, outcome in zip(
+            order.tolist(), *(column[order].tolist() for column in columns), strict=True
+        ):
+            while told and told[0][0].at < place:
                 self._take(*told.pop(0))
-            one = frames.take(of[k : k + 1])
-            if t.outcome[rows[k]] != NO_RESPONSE:
-                self._answered(int(one.servo_id[0]), int(at[k]))
-            elif self._is_excused(int(one.servo_id[0]), int(at[k]), int(one.t_start[0])):
+            if outcome != NO_RESPONSE:
+                self._answered(servo, place)
+            elif self._is_excused(servo, place, t_ns):
                 excused.append(k)
-                self._keep(one.having(start=at[k : k + 1]), found)
-        for order, servo in told:
-            self._take(order, servo)
+                self._keep(frames.take(of[k : k + 1]).having(start=at[k : k + 1]), found)
+        for one, servo in told:
+            self._take(one, servo)
+        self._forget(int(t_start.max()) if len(rows) else 0)
         if not excused:
             return batch
-        outcome = t.outcome.copy()
-        outcome[rows[excused]] = NOT_EXPECTED
+        became = t.outcome.copy()
+        became[rows[excused]] = NOT_EXPECTED
         left = (found.code != _MISSING) | ~np.isin(found.at, at[excused])
         return replace(
             batch,
-            transactions=replace(t, outcome=outcome),
+            transactions=replace(t, outcome=became),
             anomalies=found.take(np.flatnonzero(left)),
         )
 
@@ -171,8 +178,13 @@ class Excused:
                 return len(self._in_vain[servo].frames) < KEPT
             if t_ns - order.t_ns <= START_NS:
                 return True
-            del self._orders[who]
         return False
+
+    def _forget(self, now_ns: int) -> None:
+        """Drop orders to start that are done, also where everybody answered."""
+        for who, order in list(self._orders.items()):
+            if not order.is_id and now_ns - order.t_ns > LONG_AGO_NS:
+                del self._orders[who]
 
     def _keep(self, request: Frames, found: Anomalies) -> None:
         """Keep a request to an id that was given away, and what was found of it."""

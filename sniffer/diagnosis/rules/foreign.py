@@ -18,14 +18,17 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.rules import Rule
     from sniffer.protocols.base import BusProtocol
 
+KEEP_APART: Final = "Both are decoded. Make sure that neither's servos obey the other's bytes."
+DECODE_AS_THAT: Final = "Decode it as the protocol that is spoken: `--protocol` with its name."
+
 FINDINGS: Final = (
     FindingCode(
         "two-protocols",
         "line",
         "Frames of two protocols hold on one line.",
         "The decoder explains the bytes by two protocols, each byte by one of them.",
-        remedy="Both are decoded. Make sure that neither's servos obey the other's bytes.",
-        settle="Both are decoded. Make sure that neither's servos obey the other's bytes.",
+        remedy=KEEP_APART,
+        settle=KEEP_APART,
     ),
     FindingCode(
         "foreign-frames",
@@ -38,8 +41,8 @@ FINDINGS: Final = (
         "line",
         "Hardly a byte is a frame of the protocol that the capture is read by, and nearly all are frames of another.",
         "As `foreign-frames`, with less than a fiftieth of all bytes in frames of the protocol.",
-        remedy="Decode it as the protocol that is spoken: `--protocol` with its name.",
-        settle="Decode it as the protocol that is spoken: `--protocol` with its name.",
+        remedy=DECODE_AS_THAT,
+        settle=DECODE_AS_THAT,
     ),
 )
 

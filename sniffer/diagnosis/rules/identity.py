@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
 
+CUT_IT_OFF: Final = (
+    "Decode what comes behind it by the rate that was given, as a capture of its own: cut it off "
+    "there, or record it anew."
+)
+
 FINDINGS: Final = (
     FindingCode(
         "old-id-asked",
@@ -43,8 +48,8 @@ FINDINGS: Final = (
         "device",
         "A servo was told another baud rate, and nothing of what is said since holds at this one.",
         "A frame that gives the rate, at most ten seconds before the last frame that holds, and 50 bytes and more behind that one.",
-        remedy="Decode what comes behind it by the rate that was given, as a capture of its own: cut it off there, or record it anew.",
-        settle="Decode what comes behind it by the rate that was given, as a capture of its own: cut it off there, or record it anew.",
+        remedy=CUT_IT_OFF,
+        settle=CUT_IT_OFF,
     ),
 )
 
