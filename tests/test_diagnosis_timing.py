@@ -299,6 +299,17 @@ def test_a_line_without_a_pause_is_full_and_only_a_note(protocol: str) -> None:
     assert incident.severity is Severity.NOTE
 
 
+def test_a_line_that_says_more_than_its_rate_carries_is_not_full_for_nobody_knows_the_rate() -> (
+    None
+):
+    """An address has none that could be set: the usual one of the protocol was taken for it."""
+    talk = Conversation("mightyzap", 115200)
+    for n in range(3000):
+        talk.read(1 + n % 5, 0.5)
+        talk.rest(-0.6)
+    assert "bus-full" not in codes(diagnosed(through_usb(talk.chunks), "mightyzap", baud=57600))
+
+
 def test_a_line_that_is_busy_half_of_the_time_is_not_full() -> None:
     assert not robot("mightyzap", 6, rate_hz=60).diagnosed().incidents()
 

@@ -128,6 +128,10 @@ RESTS: Final = 0.3
 FULL: Final = 0.85
 """Busy share of a full line: between two frames stands no more than what servos take to answer."""
 
+CARRIED: Final = 1.1
+"""Of more than that nobody knows the rate: a line carries no more than all, by a clock 2 % fast, and of
+what a host took late some falls into the quarter second behind."""
+
 FULL_NS: Final = 2 * NS
 """A burst of less is no bus without time."""
 
@@ -350,12 +354,13 @@ def bus_full(case: Case) -> Iterator[Finding]:
     line = case.line
     # The buckets that are joined, or that the capture only begins or ends in, are no quarter seconds.
     whole = np.flatnonzero(np.diff(line["bucket"], append=line["bucket"][-1:]) == 1)[1:]
-    said = (
-        line["bytes"][whole] - line["gap_bytes"][whole]
-    )  # what is no frame keeps no time from one
+    # what is no frame keeps no time from one
+    said = line["bytes"][whole] - line["gap_bytes"][whole]
     busy = said * byte_time_ns(case.baud) / BUCKET_NS
     full: Mask = busy >= FULL
     if full.sum() * BUCKET_NS < FULL_NS or 2 * full.sum() < len(whole):
+        return
+    if float(busy[full].mean()) > CARRIED:
         return
     rows = whole[full]
     spans = episodes(line["bucket"][rows] * BUCKET_NS, (line["bucket"][rows] + 1) * BUCKET_NS)
