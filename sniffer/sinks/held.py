@@ -75,7 +75,7 @@ def _print_bus(
 
 def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None) -> Tabulated:
     place = "last at byte" if began_ns is None else "last at s"
-    columns = ("register", "servos", "first", "last", "read", "write", "changes", place)
+    columns = ("register", "servos", "first", "last", "read+set", "changes", place)
     table = Tabulated(*columns, left=("servos", "first", "last"), whole=("register",))
     alike: dict[tuple[str, str, str], list[HeldRegister]] = {}
     for held in sorted(rows, key=lambda h: (h.register.address, h.register.name, h.servo_id)):
@@ -91,7 +91,7 @@ def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None
             _whose(mine, names),
             first,
             last if said[-1] else "",
-            *(str(n or "") for n in said[:2]),
+            f"{said[0]}+{said[1]}",
             str(said[-1]),
             str(at) if isinstance(at, int) else f"{at:.3f}",
         )
