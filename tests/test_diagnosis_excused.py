@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, robot, without_clock
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap, rs30x
 
@@ -141,3 +141,20 @@ def test_servos_that_all_go_away_at_once_share_a_supply(protocol: str) -> None:
     assert incident.causes[0].cause in ("brownout", "bad-cable")
     assert "all-away-at-once" in codes(told)
     assert "servo-reset-loop" not in {c.cause for c in incident.causes if c.confidence > 0.2}
+
+
+def test_without_a_clock_a_start_is_over_after_so_many_requests() -> None:
+    """Bytes alone take far less than the seconds for which a servo may start."""
+
+    def starts(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle < 60:
+            return False
+        if cycle == 60:
+            talk.write(b"#2CB9600\r")
+            talk.write(restart("lss", servo))
+        talk.ask_in_vain(servo, 10)
+        return True
+
+    talk = robot("lss", 8, rate_hz=20, instead=starts)
+    told = talk.diagnosed(without_clock(talk.chunks)).incidents()
+    assert verdicts(told) == [("baud-changed", (2,))]

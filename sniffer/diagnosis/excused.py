@@ -10,6 +10,7 @@ the old one to see whether it is gone, or until the next servo is plugged in::
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -32,6 +33,9 @@ are there within a second."""
 
 LONG_AGO_NS: Final = 10 * START_NS
 """Behind that nothing that was asked while servos started is open any more."""
+
+WITHOUT_CLOCK: Final = 30
+"""So many requests are excused where no clock tells how long a start takes: bytes take far less."""
 
 FEW: Final = 2
 """Requests to an id that was given away that look whether it is gone."""
@@ -76,6 +80,8 @@ class Excused:
         """By servo, what it was told last, until it answers again."""
         self._had: dict[int, int] = {}
         """Where the last request began that a servo answered, while all are to start anew."""
+        self._asked: Counter[tuple[int, int]] = Counter()
+        """By servo and the place of the order to start, how often it was asked in vain since."""
         self._in_vain: dict[int, _InVain] = {}
         """By ids that were given away."""
         self._given: set[int] = set()
@@ -104,7 +110,7 @@ class Excused:
                 self._take(*told.pop(0))
             if outcome != NO_RESPONSE:
                 self._answered(servo, place)
-            elif self._is_excused(servo, place, t_ns):
+            elif self._is_excused(servo, place, t_ns, has_clock=batch.clock != Clock.NONE):
                 excused.append(k)
                 self._keep(frames.take(of[k : k + 1]).having(start=at[k : k + 1]), found)
         for one, servo in told:
@@ -169,14 +175,16 @@ class Excused:
         if order.is_id:
             self._in_vain[servo] = _InVain()
 
-    def _is_excused(self, servo: int, at: int, t_ns: int) -> bool:
+    def _is_excused(self, servo: int, at: int, t_ns: int, *, has_clock: bool) -> bool:
         for who in (servo, ALL):
             order = self._orders.get(who)
             if order is None or order.at >= at or self._had.get(servo, -1) > order.at:
                 continue
             if order.is_id:
                 return len(self._in_vain[servo].frames) < KEPT
-            if t_ns - order.t_ns <= START_NS:
+            self._asked[servo, order.at] += 1
+            is_early = has_clock or self._asked[servo, order.at] <= WITHOUT_CLOCK
+            if is_early and t_ns - order.t_ns <= START_NS:
                 return True
         return False
 
@@ -185,6 +193,8 @@ class Excused:
         for who, order in list(self._orders.items()):
             if not order.is_id and now_ns - order.t_ns > LONG_AGO_NS:
                 del self._orders[who]
+        live = {order.at for order in self._orders.values()}
+        self._asked = Counter({key: n for key, n in self._asked.items() if key[1] in live})
 
     def _keep(self, request: Frames, found: Anomalies) -> None:
         """Keep a request to an id that was given away, and what was found of it."""

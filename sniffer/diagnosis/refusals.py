@@ -48,15 +48,13 @@ class Refusals:
         rows = rows[doubtful[t.response[rows]]]
         answer = t.response[rows]
         status = f.status[answer]
-        frames, asked = batch.asking(t.request[rows])
-        # who has all that was asked for was not refused: the error is of something else
-        has_all = (frames.data_length[asked] == 0) & (f.data_length[answer] > 0)
-        refused = ((status > 0) & ~has_all & self._protocol.refused(status)) | (
+        refused = ((status > 0) & self._protocol.refused(status)) | (
             f.flags[answer] & ECHO_DIFFERS != 0
         )
-        rows, answer, status, asked = (column[refused] for column in (rows, answer, status, asked))
+        rows, answer, status = rows[refused], answer[refused], status[refused]
         if not len(rows):
             return
+        frames, asked = batch.asking(t.request[rows])
         servo, op = f.servo_id[answer].astype(np.int64) + 1, frames.op[asked] & OPS - 1
         address = np.clip(frames.address[asked] + 1, 0, ADDRESSES - 1)
         self._ops.update(zip(op.tolist(), frames.op[asked].tolist(), strict=True))
