@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.amounts import lasting, number
 from sniffer.ground.model import Chunk, Clock
-from sniffer.reports import svg, words
+from sniffer.reports import svg
 from sniffer.reports.curves import Charts
 from sniffer.reports.histograms import TimeScale
 from sniffer.simulation.buses import BUSES, simulate
@@ -287,7 +288,7 @@ def test_curves_of_nothing_but_noise_take_less_than_a_page_may(servos: int) -> N
     ],
 )
 def test_numbers_have_as_many_digits_as_people_read(value: float, shown: str) -> None:
-    assert words.number(value) == shown
+    assert number(value) == shown
 
 
 @pytest.mark.parametrize(
@@ -301,7 +302,7 @@ def test_numbers_have_as_many_digits_as_people_read(value: float, shown: str) ->
     ],
 )
 def test_lengths_of_time_are_told_in_the_unit_that_suits_them(ns: int, shown: str) -> None:
-    assert words.lasting(ns) == shown
+    assert lasting(ns) == shown
 
 
 @given(st.lists(st.tuples(st.integers(1, 10**11), st.integers(0, 10**9)), min_size=1, max_size=50))

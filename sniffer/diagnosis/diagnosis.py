@@ -14,7 +14,8 @@ from sniffer.diagnosis.ledger import Ledger
 from sniffer.diagnosis.rest import rest_of
 from sniffer.diagnosis.shared import shared
 from sniffer.diagnosis.withheld import with_withheld
-from sniffer.ground.model import MS, NS, Clock
+from sniffer.ground.amounts import lasting
+from sniffer.ground.model import NS, Clock
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ class Diagnosis:
             unsure_ns = case.ledger.exchanges.unsure_ns
             good_ns = unsure_ns if unsure_ns > good_ns + TELLING_NS else good_ns
             over = (
-                f"over {judged['seconds']:g} s, stamps good to {_in_words(good_ns)}"
+                f"over {judged['seconds']:g} s, stamps good to {lasting(good_ns)}"
                 if judged["seconds"] is not None
                 # a second of bytes is any time on the wire
                 else "without a clock, so nothing was judged by time: "
@@ -165,11 +166,6 @@ class Diagnosis:
                 f"{told} {over}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
-
-
-def _in_words(ns: int) -> str:
-    """Return how long something is, to three digits."""
-    return f"{ns / NS:.3g} s" if ns >= NS else f"{ns / MS:.3g} ms"
 
 
 def _asked_in_vain(case: Case) -> list[int]:

@@ -1,4 +1,4 @@
-"""Times and sizes as people write them: ``10min``, ``512MB``."""
+"""Times, sizes and numbers as people write them: ``10min``, ``512MB``, ``1.5 ms``."""
 
 from __future__ import annotations
 
@@ -51,6 +51,29 @@ def time_as(ns: int) -> str:
     return f"{ns / 1e6:.6f}".rstrip("0").rstrip(".") + "ms"
 
 
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with so many significant digits, without an exponent where it is readable."""
+    if not math.isfinite(value):
+        return "none"
+    if value == 0 or 1e-4 <= abs(value) < 1e7:
+        shown = f"{value:.{max(0, digits - 1 - _magnitude(value))}f}"
+        shown = shown.rstrip("0").rstrip(".") if "." in shown else shown
+        return "0" if shown in ("-0", "") else shown
+    return f"{value:.{digits}g}"
+
+
+def lasting(ns: float) -> str:
+    """Return a length of time in the unit that suits it."""
+    if ns < NS:
+        return f"{number(ns / 1e6, 3)} ms"
+    seconds = ns / NS
+    if seconds < 120:
+        return f"{number(seconds, 4)} s"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
+
+
 def _parts(text: str) -> tuple[float, str]:
     match = _AMOUNT.fullmatch(text.strip())
     return (float(match[1]), match[2]) if match is not None else (-1.0, "")
@@ -59,3 +82,7 @@ def _parts(text: str) -> tuple[float, str]:
 def _product(amount: float, unit: int | None, least: int) -> int | None:
     total = amount * unit if unit is not None else -1.0
     return round(total) if math.isfinite(total) and total >= least else None
+
+
+def _magnitude(value: float) -> int:
+    return math.floor(math.log10(abs(value))) if value else 0

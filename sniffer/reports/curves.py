@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.amounts import number
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.units import sign_of
-from sniffer.reports import svg, words
+from sniffer.reports import svg
 from sniffer.reports.markup import Markup, tag
 from sniffer.reports.shapes import shape
 from sniffer.statistics.figures import (
@@ -311,7 +312,7 @@ class Charts:
         labels = []
         for tick in axis.ticks:
             top = round(100 * (axis.high - tick) / (axis.high - axis.low), 1)
-            labels.append(tag("span", words.number(tick), style=f"top:{top}%"))
+            labels.append(tag("span", number(tick), style=f"top:{top}%"))
         drawing = tag(
             "svg",
             *(_level(axis, tick, size) for tick in axis.ticks),

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.durations import BINS_SHOWN, FIGURES
+from sniffer.ground.amounts import number
 from sniffer.ground.wording import counted
-from sniffer.reports import svg, words
+from sniffer.reports import svg
 from sniffer.reports.curves import Ink, keys
 from sniffer.reports.markup import Markup, tag
 
@@ -58,7 +59,7 @@ class TimeScale:
         decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
         chosen = DECADE if np.log10(high / low) < 2.5 else (1,)
         told = [k * 10.0**d for d in decades for k in chosen if low <= k * 10.0**d <= high]
-        return [(0.0, "0"), *((self.share(ns), words.number(ns / MS)) for ns in told)]
+        return [(0.0, "0"), *((self.share(ns), number(ns / MS)) for ns in told)]
 
 
 def histogram(title: str, times: Quantiles, scale: TimeScale) -> Markup:

@@ -12,6 +12,7 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.amounts import lasting
 from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import tables, words
@@ -112,7 +113,7 @@ def _about(content: Content) -> str:
     parts = [f"{bus}: {b.protocol}" for bus, b in content.summary.buses.items()]
     out = [words.listed(parts, 4)]
     if span is not None and content.clock != Clock.NONE:
-        out += [f"from {words.dated(span[0])}", f"over {words.lasting(content.lasted_ns)}"]
+        out += [f"from {words.dated(span[0])}", f"over {lasting(content.lasted_ns)}"]
     out.append(counted(sum(b.bytes for b in content.summary.buses.values()), "byte"))
     return ", ".join(out)
 

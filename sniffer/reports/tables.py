@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
+from sniffer.ground.amounts import lasting, number
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.model import Clock, Severity
 from sniffer.ground.wording import counted, one_line
@@ -186,8 +187,8 @@ def recorded(content: Content) -> list[tuple[str, str]]:
         clock = content.clock
         if clock != Clock.NONE:
             out += zip(("from", "to"), map(words.dated, span), strict=True)
-        lasting = words.lasting(content.lasted_ns)
-        out.append(("length", f"{lasting}, nominal" if clock == Clock.NONE else lasting))
+        length = lasting(content.lasted_ns)
+        out.append(("length", f"{length}, nominal" if clock == Clock.NONE else length))
     for name, wire in content.collector.wires.items():
         out += ((f"{name}: {key}", value) for key, value in _wire(wire))
     out += (("note", note) for note in content.notes)
@@ -206,7 +207,7 @@ def clipped(value: str) -> str:
 def _wire(wire: WireFigures) -> Iterator[tuple[str, str]]:
     clock = CLOCKS[wire.clock]
     if wire.doubt_ns >= 0 and wire.clock != Clock.NONE:
-        clock += f"; a frame may be up to {words.lasting(wire.doubt_ns)} earlier than told"
+        clock += f"; a frame may be up to {lasting(wire.doubt_ns)} earlier than told"
     yield "clock", clock
     if wire.pace is not None:
         how = {ASSUMED: "assumed: nobody stated it", ESTIMATED: "estimated from the stamps"}
@@ -224,4 +225,4 @@ def _model(totals: BusTotals, servo: int) -> str:
 
 
 def _share(n: int, of: int) -> str:
-    return f"{n} ({words.number(100 * n / of, 2)} %)" if n else ""
+    return f"{n} ({number(100 * n / of, 2)} %)" if n else ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.durations import FIGURES
+from sniffer.ground.amounts import lasting, number
 from sniffer.ground.units import sign_of
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
@@ -144,9 +145,9 @@ def _curves(content: Content) -> Iterator[str]:
     servos = list(tables.present(content))
     if not servos or grid.size < 2:
         return
-    lasting = words.lasting(grid.width_ns * grid.size)
+    length = lasting(grid.width_ns * grid.size)
     yield from ("## Over time", "")
-    yield from (f"A line is {lasting}, drawn from its least mean to its greatest one.", "")
+    yield from (f"A line is {length}, drawn from its least mean to its greatest one.", "")
     yield "```text"
     for lane, servo, mine in servos[:SERVOS]:
         rows = list(_servo_curves(mine, curves, grid))
@@ -161,14 +162,14 @@ def _servo_curves(mine: ServoFigures, curves: dict[int, Trace], grid: Grid) -> I
         unit = mine.unit_of(quantity)
         if unit is not None:
             named[quantity] = (mine.values[quantity, unit].curve, unit)
-    for (name, unit), number in mine.curves.items():
+    for (name, unit), which in mine.curves.items():
         if name in (ERROR, LONGEST):
-            named["reply, at most" if name == LONGEST else "goal - position"] = (number, unit)
-    for title, (number, unit) in named.items():
-        curve = curves.get(number)
+            named["reply, at most" if name == LONGEST else "goal - position"] = (which, unit)
+    for title, (which, unit) in named.items():
+        curve = curves.get(which)
         if curve is not None and len(curve):
             low, high = float(curve.low.min()), float(curve.high.max())
-            ends = f"{words.number(low)} … {words.number(high)} {sign_of(unit)}"
+            ends = f"{number(low)} … {number(high)} {sign_of(unit)}"
             yield f"  {title:16} {sparkline(curve, grid.size)} {ends}"
 
 

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
+from sniffer.ground.amounts import number
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.moments import date_of, of_day, with_day
 from sniffer.ground.units import behind
 
 if TYPE_CHECKING:
     from sniffer.statistics.figures import Range
-
-
-def number(value: float, digits: int = 4) -> str:
-    """Return a number with so many significant digits, without an exponent where it is readable."""
-    if not math.isfinite(value):
-        return "none"
-    if value == 0 or 1e-4 <= abs(value) < 1e7:
-        shown = f"{value:.{max(0, digits - 1 - _magnitude(value))}f}"
-        shown = shown.rstrip("0").rstrip(".") if "." in shown else shown
-        return "0" if shown in ("-0", "") else shown
-    return f"{value:.{digits}g}"
-
-
-def _magnitude(value: float) -> int:
-    return math.floor(math.log10(abs(value))) if value else 0
 
 
 def measured(value: float, name: str) -> str:
@@ -56,18 +41,6 @@ def dated(t_ns: int) -> str:
     """Return a time with its day; seconds where it counts from something else than 1970."""
     date = date_of(t_ns)
     return f"{date} {of_day(t_ns)} UTC" if date else f"{t_ns / NS:.3f} s (no date)"
-
-
-def lasting(ns: float) -> str:
-    """Return a length of time in the unit that suits it."""
-    if ns < NS:
-        return f"{number(ns / 1e6, 3)} ms"
-    seconds = ns / NS
-    if seconds < 120:
-        return f"{number(seconds, 4)} s"
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
 
 
 def listed(names: list[str], most: int = 8) -> str:
