@@ -19,7 +19,7 @@ def with_withheld(ledger: Ledger) -> Ledger:
     out = copy.copy(ledger)
     out.answers, out.alarms = ledger.answers.copy(), ledger.alarms.copy()
     out.events = ledger.events.copy()
-    out.silences, out.took = copy.deepcopy((ledger.silences, ledger.took))
+    out.silences = copy.deepcopy(ledger.silences)
     out.count_alarms(Anomalies.of(held.anomalies))
     out.count_answers(held)
     out.silences.add(held)

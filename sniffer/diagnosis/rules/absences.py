@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.exchanges import Failed
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
+    from sniffer.ground.model import I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
@@ -180,7 +181,7 @@ def together(case: Case) -> Iterator[Finding]:
         others = {other: theirs for other, theirs in runs.items() if other != servo and theirs}
         if not mine or not others:
             continue
-        both = {o: sum(_overlaps(one, theirs) for one in mine) for o, theirs in others.items()}
+        both = {o: int(_overlapping(mine, theirs).sum()) for o, theirs in others.items()}
         other = max(both, key=lambda o: both[o])
         if both[other] >= 2 and 2 * both[other] >= len(mine):
             what = (
@@ -214,10 +215,7 @@ def _all_at_once(case: Case) -> Iterator[Finding]:
     if len(runs) < TWICE or not all(runs.values()):
         return
     both = {
-        servo: sum(
-            all(_overlaps(one, theirs) for other, theirs in runs.items() if other != servo)
-            for one in mine
-        )
+        servo: int(np.all([_overlapping(mine, theirs) for theirs in runs.values()], axis=0).sum())
         for servo, mine in runs.items()
     }
     if any(both[servo] < NEARLY_ALL * len(mine) for servo, mine in runs.items()):
@@ -227,9 +225,19 @@ def _all_at_once(case: Case) -> Iterator[Finding]:
         yield _told("all-away-at-once", servo, mine, what, 1.0)
 
 
-def _overlaps(one: Silence, others: Sequence[Silence]) -> bool:
-    until = (one.back_ns or 0) + NEAR_NS
-    return any(o.first_ns <= until and (o.back_ns or 0) >= one.first_ns - NEAR_NS for o in others)
+def _overlapping(some: Sequence[Silence], others: Sequence[Silence]) -> Mask:
+    """Tell which silences have one of others in their moment."""
+    begin, until = _moments(some)
+    theirs, back = _moments(others)
+    near = (theirs <= until[:, None] + NEAR_NS) & (back >= begin[:, None] - NEAR_NS)
+    found: Mask = np.logical_or.reduce(near, axis=1)
+    return found
+
+
+def _moments(some: Sequence[Silence]) -> tuple[I64, I64]:
+    """Return when silences begin, and when they are over."""
+    begin, until = np.array([(s.first_ns, s.back_ns or 0) for s in some], np.int64).T
+    return begin, until
 
 
 def torque_kept(case: Case) -> Iterator[Finding]:
