@@ -170,13 +170,8 @@ class Stamps(Remembering):
         since = np.concatenate([[self._stamped], dated[:-1]])
         lull = np.where(since, t - sizes * self.byte_ns - previous, 0)
         held = chunks.counts(MarkKind.HELD)
-        if self._latency_ns is None:
-            ever = np.maximum.accumulate(
-                np.maximum(clocks, int(self.clock) if self._stamped else 0)
-            )
-            usual = _USUAL_NS[ever]
-        else:
-            usual = np.full(len(t), self._latency_ns)
+        ever = np.maximum.accumulate(np.maximum(clocks, int(self.clock) if self._stamped else 0))
+        usual = self._usual_ns(ever)
         latency = usual + held
         merged = chunks.merged(latency)
         # What follows nothing that has a stamp may be late by the whole latency.
@@ -238,8 +233,12 @@ class Stamps(Remembering):
 
     def silent_since(self, now_ns: int) -> bool:
         """Tell whether the line has been silent for so long that nothing crosses it."""
-        usual_ns = int(_USUAL_NS[self.clock]) if self._latency_ns is None else self._latency_ns
-        return self._last is not None and now_ns - self._last > max(self._tail_ns, usual_ns)
+        barrier_ns = max(self._tail_ns, int(self._usual_ns(self.clock)))
+        return self._last is not None and now_ns - self._last > barrier_ns
+
+    def _usual_ns(self, ever: Any) -> Any:
+        """Return how long bytes are held back at most, by the best clock that there was so far."""
+        return _USUAL_NS[ever] if self._latency_ns is None else self._latency_ns
 
     def forget(self, offset: int) -> None:
         """Drop the rows of chunks that end at or before ``offset``."""
