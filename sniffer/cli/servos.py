@@ -77,11 +77,12 @@ def names_of(
             if key is None or not isinstance(name, str) or not is_name(name):
                 wrong = f"{servo[:20]}={str(name)!r:.80}"
                 how = f"an id of 0..255 and a name of at most {NAME_MOST} signs"
+                if not equals:
+                    why = f"{text}: {wrong} in its table [names]: a line has {how}"
+                    raise click.BadParameter(why)
                 raise click.BadParameter(
                     f"{wrong}: write ID=NAME or BUS:ID=NAME with {how}, or name a file that has a "
                     "table [names]"
-                    if equals
-                    else f"{text}: {wrong} in its table [names]: a line has {how}"
                 )
             out[key] = name
     return out

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
-from sniffer.ground.wording import and_, in_name
+from sniffer.ground.wording import and_, in_file_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -114,10 +114,15 @@ def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Sha
         may = [i for i in answered if _may_answer(by_bus[i.bus], by_bus[asked.bus])]
         # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
         if len(may) == 1:
-            wires = asked.bus, may[0].bus
-            files = dict(zip(("first", "second"), map(in_name, wires), strict=True))
-            named = dict(zip(("asked", "answering"), wires, strict=True))
-            yield _shared((asked, *may), _WIRES, **named, **files)
+            first, second = asked.bus, may[0].bus
+            yield _shared(
+                (asked, *may),
+                _WIRES,
+                asked=first,
+                answering=second,
+                first=in_file_name(first),
+                second=in_file_name(second),
+            )
 
 
 def _may_answer(servos: Case, controller: Case) -> bool:

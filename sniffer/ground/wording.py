@@ -47,7 +47,7 @@ def and_(words: list[str]) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)
 
 
-def in_name(bus: str) -> str:
+def in_file_name(bus: str) -> str:
     """Return a bus as the name of a file can have it: ``_`` for what paths do not hold."""
     return _ODD.sub("_", bus)
 

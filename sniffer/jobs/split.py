@@ -12,7 +12,7 @@ from sniffer.decoding.pipeline import Options
 from sniffer.decoding.spans import PieceRow
 from sniffer.ground.files import called, files_of, numbered, paths_of
 from sniffer.ground.model import SnifferError
-from sniffer.ground.wording import and_, in_name
+from sniffer.ground.wording import and_, in_file_name
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import convert_opened
@@ -157,7 +157,7 @@ def _names(
             names.append(functools.partial(numbered, number=piece + 1))
             continue
         # as the buses in it are called
-        name = f"bus{nth}" if is_anonymous else in_name(piece)
+        name = f"bus{nth}" if is_anonymous else in_file_name(piece)
         while name in taken:
             name += "_"
         taken.add(name)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
+from sniffer.ground.amounts import number
 from sniffer.ground.model import MS, Clock
 from sniffer.ground.wording import and_, counted
 from sniffer.reports import rules as r
@@ -148,6 +149,11 @@ def _buses(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, BusTotals]]:
             yield bus, totals
 
 
+def _has_frames(rule: r.Rule, heard: Subject) -> bool:
+    """Tell whether there was a frame on any bus that a rule is about."""
+    return any(totals.bytes_in_frames for _, totals in _buses(rule, heard))
+
+
 def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     buses = {name for name, _ in _buses(rule, heard)}
     if not buses:
@@ -162,7 +168,7 @@ def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
         and (not rule.named or i.cause in rule.named)
         and (not rule.servos or not i.servo_ids or set(i.servo_ids) & set(rule.servos))
     ]
-    if not mine and not any(totals.bytes_in_frames for _, totals in _buses(rule, heard)):
+    if not mine and not _has_frames(rule, heard):
         return  # who reads no frame finds no fault
     told = counted(len(mine), "incident") if mine else "no incident"
     if mine:
@@ -250,7 +256,7 @@ def _answers(
             told = (
                 f"{n} of {counted(mine.wanted, 'answer')} of {name_of(heard, lane, servo)} {what}"
             )
-            yield Figure(share, share, f"{told} ({words.number(100 * share, 3)} %)", servo)
+            yield Figure(share, share, f"{told} ({number(100 * share, 3)} %)", servo)
 
 
 def _in_frames(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
@@ -298,7 +304,7 @@ def _nothing(rule: r.Rule, heard: Subject) -> str:
         there = and_([*heard.summary.buses])
         are = "is" if len(heard.summary.buses) == 1 else "are"
         return f"there is no bus {rule.bus}: {there} {are} there"
-    if not any(totals.bytes_in_frames for _, totals in _buses(rule, heard)):
+    if not _has_frames(rule, heard):
         return "not one frame was read, so nothing could be judged"
     if rule.servos and not list(servos_of(rule, heard)):
         ids = _ids(rule, heard, rule.servos)
