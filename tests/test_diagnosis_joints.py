@@ -286,14 +286,17 @@ def test_goals_in_another_unit_end_those_in_degrees() -> None:
     assert not codes(d) & HANGS
 
 
-def test_a_joint_that_hangs_since_its_servo_was_away_is_limp_after_a_restart() -> None:
-    said = polled(
+def hangs_from_second_6() -> list[tuple[float, str]]:
+    return polled(
         lambda t: follows(t) if t < 6 else -70.0,
         swings,
         seconds=14,
         milliampere=lambda t: works(t) if t < 6 else 40,
     )
-    kept = [(t, line) for t, line in said if not (6 < t < 6.3 and "Q" in line)]
+
+
+def test_a_joint_that_hangs_since_its_servo_was_away_is_limp_after_a_restart() -> None:
+    kept = [(t, line) for t, line in hangs_from_second_6() if not (6 < t < 6.3 and "Q" in line)]
     d = lss(*kept, *[(6.02 + 0.07 * k, "#5QD") for k in range(4)])
     assert {"joint-limp-after-restart", "away-for-a-while"} <= codes(d)
     assert len(d.incidents()) == 1
