@@ -212,7 +212,8 @@ def _shares(case: Case) -> _Shares:
         for s, n in sums(_rows(d, in_reply), "servo_id", "n").items()
         if s >= 0 and n > others[IN_REPLY, s]
     }
-    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
+    heard = ("ok", "damaged", "unsolicited")  # the last of them behind requests that are torn
+    answered = {s: sum(case.total(what, s) for what in heard) for s in {*torn, *case.servos}}
     answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
     asked_torn = int(d["n"][in_request].sum())
     asked_torn -= sum(n for (turn, _), n in others.items() if turn == IN_REQUEST)

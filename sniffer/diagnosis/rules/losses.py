@@ -16,6 +16,7 @@ from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.breaking import are_beginnings
 from sniffer.diagnosis.signs import BARE
 from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.gaps import CHECKSUM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
     from sniffer.ground.model import I64
+
+TAP_IT_BETTER: Final = (
+    "The servos understand the controller, so look at the tap: tap nearer to the controller, join the "
+    "grounds, compare the tap's level (3.3 V, 5 V) and its rate with the controller's."
+)
 
 FINDINGS: Final = (
     FindingCode(
@@ -65,13 +71,25 @@ FINDINGS: Final = (
         "Servos answer requests that lack bytes here: on the line they were whole.",
         "An answer right behind a torn request that is shorter than the one it begins or ends as: two, and one for fifty torn requests.",
     ),
+    FindingCode(
+        "answered-though-altered",
+        "tap",
+        "Servos answer requests whose checksum is wrong here: they read what the tap does not.",
+        "A sound answer right behind most of the requests that have their length and a wrong checksum, eight and more.",
+        remedy=TAP_IT_BETTER,
+        settle=TAP_IT_BETTER,
+    ),
 )
 
 LEAST: Final = 3
 """Torn requests that make a pattern."""
 
 MOST: Final = 0.6
-"""Share of torn requests that are short where bytes are lost; noise leaves nearly all their length."""
+"""Share of torn requests that are short where bytes are lost; noise leaves nearly all their length.
+Of those that are altered, the share that is answered where it is the tap that reads them wrong."""
+
+ENOUGH: Final = 8
+"""Requests that are altered and answered which are no chance: one sum in 256 is right by chance."""
 
 ENDED: Final = 0.15
 """Part of the short pieces that may be more than a beginning where a controller breaks off: a piece
@@ -141,6 +159,21 @@ def torn_requests(case: Case) -> Iterator[Finding]:
             answered,
             f"{len(answered)} of {len(short)} requests that lack bytes here were answered: the servos "
             "had them whole",
+            "it was answered all the same",
+        )
+
+
+def altered_requests(case: Case) -> Iterator[Finding]:
+    """Requests that are altered here, and are answered all the same."""
+    altered = [d for d in case.damages if d.turn == IN_REQUEST and d.kind == CHECKSUM]
+    complaints = set(case.anomalies("device-checksum").at.tolist())
+    answered = [d for d in altered if d.then is None and d.at + d.length not in complaints]
+    if len(answered) >= max(ENOUGH, MOST * len(altered)):
+        yield _told(
+            "answered-though-altered",
+            answered,
+            f"{len(answered)} of {len(altered)} requests whose checksum is wrong here were answered: "
+            "the servos read them right",
             "it was answered all the same",
         )
 
@@ -340,5 +373,8 @@ def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
     return head + tail >= len(got)
 
 
-RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, order_lacks_bytes, requests_missing)
+RULES: Final[tuple[Rule, ...]] = (
+    *(torn_requests, altered_requests, headless),
+    *(order_lacks_bytes, requests_missing),
+)
 """The rules of this area."""

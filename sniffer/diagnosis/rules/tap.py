@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import is_altered
+from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.ground.codes import NO_RESPONSE
@@ -50,7 +51,7 @@ FINDINGS: Final = (
         "nobody-asks",
         "tap",
         "Answers were heard, and not one request in the whole capture.",
-        "At least eight answers, and no request.",
+        "At least eight answers, and no request, torn ones neither.",
     ),
     FindingCode(
         "goes-on-unanswered",
@@ -227,6 +228,9 @@ def nobody_asks(case: Case) -> Iterator[Finding]:
     frames = case.ledger.frames
     if frames < ENOUGH or len(case.ledger.exchanges.kinds):
         return
+    torn = case.damage["n"][case.damage["turn"] == IN_REQUEST].sum()
+    if torn >= SHARE * frames:
+        return  # the requests are heard, and none of them holds
     yield Finding(
         "nobody-asks",
         None,
