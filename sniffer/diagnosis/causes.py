@@ -478,6 +478,18 @@ _CAUSES: Final = (
         "Disconnect the servo that is missing from the controller's list.",
     ),
     Cause(
+        "rate-search",
+        CONTROLLER,
+        NOTE,
+        -2.0,
+        "somebody looks for the rate",
+        "A program tries one baud rate after the other until servos answer; what it says at others is no frame here.",
+        "Bytes of no frame are requests at other rates, in the stretch of the search alone.",
+        "Noise, a line that is stuck, another protocol.",
+        "Nothing, if the search is meant; else set the rate in the program that searches.",
+        "Record once more behind the search.",
+    ),
+    Cause(
         "echo",
         TAP,
         NOTE,

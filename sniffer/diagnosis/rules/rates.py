@@ -13,6 +13,7 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, is_even, repeated
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rates_in_use import COMMON, rates_in_use
 from sniffer.diagnosis.rules.forms import same_bytes
 from sniffer.diagnosis.uart import MIDDLE
 from sniffer.diagnosis.unclaimed import first_low
@@ -101,12 +102,6 @@ _PAIRS: Final = _BITS[:, :-1] ^ _BITS[:, 1:]
 
 TIMES: Final = tuple(1 + k / 500 for k in range(20, 300))
 """How many times slower a line is looked for; below, no bit is read twice, above, half of them are."""
-
-RATES: Final = (
-    1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600,
-    1000000,
-)  # fmt: skip
-"""Rates in use; those of the protocols are added."""
 
 
 def nothing_holds(case: Case) -> Iterator[Finding]:
@@ -203,7 +198,7 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     if not fitting:
         return
     rate = case.baud
-    fits = [b for b in _known() if fitting[0] <= rate / b <= fitting[-1]]
+    fits = [b for b in rates_in_use() if fitting[0] <= rate / b <= fitting[-1]]
     told = min(fits, key=lambda b: abs(b * (fitting[0] + fitting[-1]) / 2 - rate), default=None)
     share = _PAIRS[head].mean(0)
     bits = sorted({k for times in fitting for way in _twice(times) for k in way})
@@ -261,11 +256,6 @@ def _twice(times: float) -> tuple[Pairs, ...]:
     return tuple(dict.fromkeys(ways)) if all(ways) else ()
 
 
-def _known() -> list[int]:
-    """Return the rates in use."""
-    return sorted({*RATES, *(b for name in PROTOCOLS.built_in for b in PROTOCOLS[name].bauds)})
-
-
 def _slower(case: Case, data: bytes) -> tuple[int, int] | None:
     """Return how many times slower the line is, and the rate; None where it is not."""
     lows = Counter(first_low(data))
@@ -299,8 +289,8 @@ def _much_slower(case: Case) -> tuple[int, int] | None:
 def _rate(heard: int, times: int) -> int:
     """Return the rate in use that is so many times slower than one at which the line was heard."""
     if times >= ALL_LOW:  # or more
-        return max((one for one in RATES if one <= heard / times), default=RATES[0])
-    return min(_known(), key=lambda rate: abs(rate * times / heard - 1))
+        return max((one for one in COMMON if one <= heard / times), default=COMMON[0])
+    return min(rates_in_use(), key=lambda rate: abs(rate * times / heard - 1))
 
 
 RULES: Final[tuple[Rule, ...]] = (nothing_holds, bits_read_twice)

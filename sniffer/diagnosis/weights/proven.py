@@ -19,6 +19,9 @@ ALL_ASKED = "all-asked-at-once"
 WRONG_BAUD, READ_TWICE = "wrong-baud", "bits-read-twice"
 """The proof of a rate: what holds at another one is chance, and says nothing of anybody."""
 
+SEARCH, TRIED = "rate-search", "rates-tried"
+"""The proof that what is torn was said at other rates, and why."""
+
 MIXED, OTHER = "mixed-protocols", "other-protocol"
 """The proof that nobody speaks the protocol: what holds of it is chance, and tells of nobody."""
 
@@ -124,6 +127,14 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         for weight in for_(cause, (READ_TWICE, -12.0, "at the right rate none of it may be there"))
     ),
     *for_(
+        SEARCH,
+        (TRIED, 9.0, "what is no frame are requests at other rates"),
+        *(
+            (code, 0.1, "what is said at another rate looks so, or holds by chance")
+            for code in _BY_CHANCE
+        ),
+    ),
+    *for_(
         MIXED,
         (OTHER, 12.0, "nearly all that was said are frames of another protocol"),
         *(
@@ -151,6 +162,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         for weight in for_(
             cause,
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
+            (TRIED, -7.0, "what is no frame here are requests at other rates"),
             (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
             (BROKEN_OFF, -6.0, "no byte is altered, and all that is missing are ends of requests"),
             (
