@@ -51,7 +51,7 @@ KEPT: Final = 64
 """Requests that are tried; a search asks as many ids at each rate."""
 
 
-class _Heard(NamedTuple):
+class _OtherRate(NamedTuple):
     """Bytes of a run that are requests at another rate."""
 
     baud: int
@@ -96,7 +96,7 @@ def rates_tried(case: Case) -> Iterator[Finding]:
 
 def _at_rate(
     mine: int, baud: int, known: Sequence[bytes], runs: Sequence[UnclaimedRun]
-) -> Iterator[_Heard]:
+) -> Iterator[_OtherRate]:
     """Yield where runs are known requests in a row, as they are heard if sent at another rate."""
     if 1 / APART < mine / baud < APART:
         return
@@ -108,12 +108,12 @@ def _at_rate(
         for found in in_a_row.finditer(run.data):
             data = found.group()
             if len(data) >= FULL and len(set(data)) >= VALUES:
-                yield _Heard(baud, run, run.at + found.start(), len(data))
+                yield _OtherRate(baud, run, run.at + found.start(), len(data))
 
 
-def _longest(found: Sequence[_Heard]) -> list[_Heard]:
+def _longest(found: Sequence[_OtherRate]) -> list[_OtherRate]:
     """Return of those that share bytes the longest, by place: near rates are heard alike."""
-    out: list[_Heard] = []
+    out: list[_OtherRate] = []
     for one in sorted(found, key=lambda one: -one.length):
         end = one.at + one.length
         if all(end <= other.at or one.at >= other.at + other.length for other in out):
