@@ -23,7 +23,7 @@ from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.keys import pair_key, request_key
 from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.lowest import Lowest
-from sniffer.diagnosis.optional import OptionalAnswers
+from sniffer.diagnosis.optional import OptionalAnswers, UnansweredReads
 from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.returns import Returns
@@ -115,6 +115,7 @@ class Ledger:
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
         self.optional = OptionalAnswers()
+        self.unanswered_reads = UnansweredReads()
         self.steps = Steps(protocol)
         self.returns = Returns(protocol)
         self.exchanges = Exchanges(protocol)
@@ -141,6 +142,7 @@ class Ledger:
 
     def add(self, batch: Batch) -> None:
         """Take what one pass decided."""
+        self.unanswered_reads.add(batch)
         batch = self.excused.without(self.unproven.without(batch))
         self.clock = batch.clock
         self.bytes += len(batch.data)

@@ -1,4 +1,4 @@
-"""Answers to requests that need none: whether a servo answers such a command, or says something."""
+"""Answers to requests that need none, and reads of servos that were told to answer none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.refusals import OPS
-from sniffer.ground.codes import OK, Reply
+from sniffer.ground.codes import IF_READ, NOT_EXPECTED, OK, Reply
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch
@@ -51,3 +51,32 @@ class OptionalAnswers:
         """Return the counts as columns, with ``servo_id`` and ``op`` (its last 32 bits)."""
         key, columns = self.counts.table()
         return {**columns, "op": key % OPS, "servo_id": key // OPS - 1}
+
+
+class UnansweredReads:
+    """Counts by servo the reads that nobody answers, because it was told so."""
+
+    def __init__(self) -> None:
+        self.counts = Buckets(_COLUMNS)
+
+    def add(self, batch: Batch) -> None:
+        """Take the exchanges of a batch."""
+        t = batch.transactions
+        rows = np.flatnonzero((t.outcome == NOT_EXPECTED) & (t.request != -1))
+        frames, asked = batch.asking(t.request[rows])
+        asked = asked[frames.reply[asked] == IF_READ]
+        if not len(asked):
+            return
+        self.counts.add(
+            frames.servo_id[asked].astype(np.int64),
+            n=1,
+            at=frames.start[asked] + batch.base,
+            length=frames.length[asked],
+            t_first=frames.t_end[asked],
+            t_last=frames.t_end[asked],
+        )
+
+    def counted(self) -> dict[str, I64]:
+        """Return the counts as columns, with ``servo_id``."""
+        key, columns = self.counts.table()
+        return {**columns, "servo_id": key}

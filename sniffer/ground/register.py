@@ -46,10 +46,10 @@ class Register:
     ``scale_by`` names the register whose value selects the scale. ``sign_bit`` marks sign and
     magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
     ``alarms`` those of ``values``, or numbers of ``bits``, that report a fault.
-    ``effect`` is what a write changes about the bus: servo_id, baud or feedback. ``on_with`` names
-    the register whose write brings this one to 1 by itself, ``bounds`` the quantity that is kept
-    between this one and another, ``least_of`` and ``most_of`` that of which the servo complains
-    below or above this one.
+    ``effect`` is what a write changes about the bus: servo_id, baud, feedback or protocol (the
+    servo leaves the one it speaks). ``on_with`` names the register whose write brings this one to 1
+    by itself, ``bounds`` the quantity that is kept between this one and another, ``least_of`` and
+    ``most_of`` that of which the servo complains below or above this one.
 
     Registers that go by a word (LSS) have more:
 

@@ -193,7 +193,7 @@ class _Toml(NamedTuple):
 _HEAD: Final = {"model", "protocol", "title", "source", "identifies"}
 _ROLE: Final = {name: i for i, name in enumerate(ROLES)}
 _KEYS: Final = {field.name for field in fields(Register)} - {"model"}
-_EFFECTS: Final = ("", "servo_id", "baud", "feedback")
+_EFFECTS: Final = ("", "servo_id", "baud", "feedback", "protocol")
 _MODEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 

@@ -1,4 +1,4 @@
-"""Servos that were given another id or rate, and are asked as if they had not."""
+"""Servos that were given another id or rate, or told to say nothing, and are asked as if not."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.silences import Silence
 
 CUT_IT_OFF: Final = (
     "Decode what comes behind it by the rate that was given, as a capture of its own: cut it off "
     "there, or record it anew."
+)
+
+LEAD_IT_BACK: Final = (
+    "Lead it back to this protocol as its manual says (a button, a start with a jumper), and look at "
+    "what wrote that register."
 )
 
 FINDINGS: Final = (
@@ -50,6 +56,20 @@ FINDINGS: Final = (
         "A frame that gives the rate, at most ten seconds before the last frame that holds, and 50 bytes and more behind that one.",
         remedy=CUT_IT_OFF,
         settle=CUT_IT_OFF,
+    ),
+    FindingCode(
+        "silent-in-other-mode",
+        "device",
+        "A servo was told to leave this protocol and answers nothing since.",
+        "A write of a register whose effect is another protocol, at least three requests behind it, and none of them answered from some moment on.",
+        remedy=LEAD_IT_BACK,
+        settle=LEAD_IT_BACK,
+    ),
+    FindingCode(
+        "reads-unanswered-as-told",
+        "controller",
+        "A servo was told to answer no reads, and is read from all the same.",
+        "At least three reads, without an answer, of a servo whose return mode is that it answers none.",
     ),
 )
 
@@ -157,23 +177,21 @@ def old_rates(case: Case) -> Iterator[Finding]:
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
         to_all = servo in case.everyone
         for one in case.answering if to_all else (servo,):
-            spells = [s for s in case.ledger.silences.of(one) if s.back_ns is None]
-            silent = [s for s in spells if s.first_ns >= t - NS and s.missed >= LEAST]
-            if not silent:
+            silent = _silent_since(case, one, t)
+            if silent is None:
                 continue
-            code = _value(case, "baud", servo, t)
-            rate = _rate(case, code)
+            rate = _rate(case, _value(case, "baud", servo, t))
             yield Finding(
                 "silent-at-old-rate",
                 one,
                 t,
                 case.last_ns,
-                silent[0].missed,
+                silent.missed,
                 f"servo {one} was told {rate} at {case.since(t)}, and answers none of "
-                f"{silent[0].missed} requests since {case.since(silent[0].first_ns)}",
+                f"{silent.missed} requests since {case.since(silent.first_ns)}",
                 (
                     Place(at, length, t, f"servo {one} is told {rate}"),
-                    Place(silent[0].at, silent[0].length, silent[0].first_ns, "no answer"),
+                    Place(silent.at, silent.length, silent.first_ns, "no answer"),
                 ),
                 brief=f"servo {one} is told {rate} and falls silent",
             )
@@ -205,6 +223,82 @@ def torn_since(case: Case) -> Iterator[Finding]:
         )
 
 
+def other_modes(case: Case) -> Iterator[Finding]:
+    """Servos that are silent since they were told to speak another protocol."""
+    told = case.settings("protocol")
+    for k in np.flatnonzero(told.written == 1).tolist():
+        servo, t, at, length, what, value = (
+            int(x[k])
+            for x in (told.servo_id, told.t_ns, told.at, told.length, told.what, told.after)
+        )
+        register = case.protocol.registers[what]
+        mode = f"{register.name} {register.values.get(value, value)}"
+        for one in case.answering if servo in case.everyone else (servo,):
+            silent = _silent_since(case, one, t)
+            if silent is not None:
+                yield Finding(
+                    "silent-in-other-mode",
+                    one,
+                    t,
+                    case.last_ns,
+                    silent.missed,
+                    f"servo {one} was told {mode} at {case.since(t)}, and answers none of "
+                    f"{silent.missed} requests since {case.since(silent.first_ns)}",
+                    (
+                        Place(at, length, t, f"servo {one} is told {mode}"),
+                        Place(silent.at, silent.length, silent.first_ns, "no answer"),
+                    ),
+                    brief=f"servo {one} is told {mode} and falls silent",
+                )
+
+
+def reads_unanswered(case: Case) -> Iterator[Finding]:
+    """Servos that are read from though they were told to answer no reads."""
+    counted = case.ledger.unanswered_reads.counted()
+    told = case.settings("feedback")
+    columns = ("servo_id", "n", "t_first", "t_last", "at", "length")
+    for servo, n, first, last, at, length in zip(
+        *(counted[name].tolist() for name in columns), strict=True
+    ):
+        if n < LEAST:
+            continue
+        names = {servo, *case.everyone}
+        before = [
+            k for k in np.flatnonzero(told.t_ns <= first).tolist() if int(told.servo_id[k]) in names
+        ]
+        since, places = first, [Place(at, length, first, "it is read from, and need not answer")]
+        by, how = "", "says"
+        if before:
+            k = before[-1]
+            since, how = int(told.t_ns[k]), "is told" if told.written[k] else "says"
+            register, value = case.protocol.registers[int(told.what[k])], int(told.after[k])
+            by = f" ({register.name} {register.values.get(value, value)})"
+            place = f"servo {servo} {how} that it answers no reads"
+            places.insert(0, Place(int(told.at[k]), int(told.length[k]), since, place))
+        yield Finding(
+            "reads-unanswered-as-told",
+            servo,
+            since,
+            last,
+            n,
+            f"servo {servo} {how} that it answers no reads{by}; {n} reads follow until "
+            f"{case.since(last)}, and none is answered",
+            tuple(places),
+            strength=min(0.7 + n / 20, 1.0),
+            brief=f"servo {servo} {how} that it answers no reads, and is read from",
+        )
+
+
+def _silent_since(case: Case, servo: int, t_ns: int) -> Silence | None:
+    """Return the silence of a servo that began behind a moment and lasts to the end, if any.
+
+    What is kept without power becomes true with the next start, on some servos.
+    """
+    spells = [s for s in case.ledger.silences.of(servo) if s.back_ns is None]
+    silent = [s for s in spells if s.first_ns >= t_ns - NS and s.missed >= LEAST]
+    return silent[0] if silent else None
+
+
 def _since(case: Case, servo: int, t_ns: int) -> tuple[int, int, int, int]:
     """Return how often a servo was asked and answered behind a moment, and when that was.
 
@@ -232,5 +326,8 @@ def _rate(case: Case, code: int | None) -> str:
     return f"{next((n for n in named if n), code)} baud"
 
 
-RULES: Final[tuple[Rule, ...]] = (old_ids, ids_given_twice, old_rates, torn_since)
+RULES: Final[tuple[Rule, ...]] = (
+    *(old_ids, ids_given_twice, old_rates, torn_since),
+    *(other_modes, reads_unanswered),
+)
 """The rules of this file."""

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, line, proven, tap, wire
+from sniffer.diagnosis.weights import controller, device, identity, line, proven, tap, wire
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +19,7 @@ _AREAS: Final = (
     *line.WEIGHTS,
     *wire.WEIGHTS,
     *device.WEIGHTS,
+    *identity.WEIGHTS,
     *controller.WEIGHTS,
     *proven.WEIGHTS,
 )
