@@ -33,12 +33,22 @@ TORN: Final = 4
 """Of so many requests that had no answer one may seem to have a torn one: what noise leaves behind
 a request to a dead servo is no answer."""
 
+_SLOTS: Final = 1 << 16
+"""Questions are told apart by command and address; two that share a slot count as one."""
+
+_OPS, _ADDRESSES = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
+"""Odd numbers of 64 bits that spread questions over the slots. Source: primes of xxHash."""
+
+SEVERAL: Final = -1
+"""Stands for the question of a stretch in which several were asked."""
+
 
 class Silence(NamedTuple):
     """One stretch: the first request that had no answer, how many had none, when one came again.
 
     ``back_ns`` is None where none did until the end. ``before_ns`` is the last request before it
-    that was not left without an answer, ``last_ns`` the last one in it that was.
+    that was not left without an answer, ``last_ns`` the last one in it that was. ``question`` is
+    which question it was each time.
     """
 
     first_ns: int
@@ -48,6 +58,7 @@ class Silence(NamedTuple):
     back_ns: int | None
     before_ns: int
     last_ns: int
+    question: int
 
     @property
     def lasted_ns(self) -> int:
@@ -83,6 +94,8 @@ class Silences:
         """The last request to each servo that was not left without an answer."""
         self.heard: set[int] = set()
         """Servos that answered at least once."""
+        self._is_known = np.zeros(_SLOTS, bool)
+        """Which questions were answered at least once, by whomever."""
 
     def add(self, batch: Batch) -> None:
         """Take the exchanges of a batch."""
@@ -93,6 +106,8 @@ class Silences:
         frames, rows = batch.asking(t.request[told])
         servo, outcome = frames.servo_id[rows].astype(np.int64), t.outcome[told]
         answered = outcome == OK
+        question = _questions(frames, rows)
+        self._is_known[question[outcome != NO_RESPONSE]] = True
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
@@ -103,7 +118,9 @@ class Silences:
                 if who in self.heard:
                     self._last(who, batch.base, frames, rows[mine], missed[mine], ok)
                 first = 0 if who in before else int(ok[0]) if len(ok) else len(mine)
-                self._follow(who, batch.base, frames, rows[mine], missed[mine], first)
+                self._follow(
+                    who, batch.base, frames, rows[mine], missed[mine], first, question[mine]
+                )
         self._had[servo[~missed]] = frames.t_start[rows[~missed]]
 
     def _last(self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, ok: I64) -> None:
@@ -128,7 +145,14 @@ class Silences:
         self._torn[who] += int((~missed).sum())
 
     def _follow(
-        self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, heard: int
+        self,
+        who: int,
+        base: int,
+        frames: Frames,
+        rows: I64,
+        missed: Mask,
+        heard: int,
+        question: I64,
     ) -> None:
         """Follow one servo; from the row ``heard`` on it has answered."""
         edges = np.flatnonzero(np.diff(missed.astype(np.int8), prepend=0, append=0))
@@ -141,11 +165,14 @@ class Silences:
             if who not in self._open:
                 known_ns = int(frames.t_start[rows[a - 1]] if a else self._had[who])
                 one = _silence(base, frames, int(row), 0)
+                one = one._replace(question=int(question[a]))
                 self._open[who] = one._replace(before_ns=min(known_ns, one.first_ns))
                 if a < heard:
                     self._unheard.add(who)
             one = self._open[who]
             last_ns = int(frames.t_start[rows[b - 1]])
+            same = bool((question[a:b] == one.question).all())
+            one = one._replace(question=one.question if same else SEVERAL)
             self._open[who] = one._replace(missed=one.missed + count, last_ns=last_ns)
             if b < n:
                 self._close(who, int(frames.t_start[rows[b]]))
@@ -174,11 +201,23 @@ class Silences:
         """Return the silences of a servo, the one that lasts until the end among them."""
         last = self._ending(servo_id)
         over = self._before(self._over.get(servo_id, ()), last)
+        over = [s for s in over if not self._is_unknown(s)]
         return [*over, last] if last is not None and last.missed >= LEAST else over
 
     def runs(self, servo_id: int) -> Sequence[Silence]:
         """Return the first stretches of a servo that were over, also those of one request."""
-        return self._before(self._runs.get(servo_id, ()), self._ending(servo_id))
+        runs = self._before(self._runs.get(servo_id, ()), self._ending(servo_id))
+        return [s for s in runs if not self._is_unknown(s)]
+
+    def in_vain(self, servo_id: int) -> Sequence[Silence]:
+        """Return the first stretches of a servo in which it was asked what nobody ever answered.
+
+        It was not away: it does not know the question.
+        """
+        return [s for s in self._runs.get(servo_id, ()) if self._is_unknown(s)]
+
+    def _is_unknown(self, one: Silence) -> bool:
+        return one.question != SEVERAL and not self._is_known[one.question]
 
     def _ending(self, servo_id: int) -> Silence | None:
         """Return the stretch that lasts until the end; a few torn answers in it are none."""
@@ -196,7 +235,10 @@ class Silences:
 
     def lengths(self, servo_id: int) -> tuple[int, ...]:
         """Return how many stretches that were over had one request, two, and ``LEAST`` or more."""
-        return tuple(self._lengths.get(servo_id, (0,) * LEAST))
+        lengths = self._lengths.get(servo_id, [0] * LEAST).copy()
+        for one in self.in_vain(servo_id):
+            lengths[min(one.missed, LEAST) - 1] -= 1
+        return tuple(lengths)
 
 
 def of_one_length(some: Sequence[Silence], slack_ns: int) -> Mask:
@@ -212,9 +254,23 @@ def of_one_length(some: Sequence[Silence], slack_ns: int) -> Mask:
     return best
 
 
+def _questions(frames: Frames, rows: I64) -> I64:
+    """Return a number for what is asked in each of some rows, whoever is asked."""
+    key = frames.op[rows].view(np.uint64) * _OPS ^ frames.address[rows].view(np.uint64) * _ADDRESSES
+    question: I64 = (key >> np.uint64(48)).astype(np.int64)
+    return question
+
+
 def _silence(base: int, frames: Frames, row: int, missed: int) -> Silence:
     """Return a stretch that begins with the request in a row of a batch."""
     t_ns = int(frames.t_start[row])
     return Silence(
-        t_ns, int(frames.start[row]) + base, int(frames.length[row]), missed, None, t_ns, t_ns
+        t_ns,
+        int(frames.start[row]) + base,
+        int(frames.length[row]),
+        missed,
+        None,
+        t_ns,
+        t_ns,
+        SEVERAL,
     )

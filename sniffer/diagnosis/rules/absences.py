@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.chances import at_least, may_be_torn, sureness
-from sniffer.diagnosis.exchanges import FIRST
-from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.tracks import track
-from sniffer.ground.model import NEVER_NS, NS
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.exchanges import Failed
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
     from sniffer.ground.model import I64, Mask
@@ -61,12 +57,6 @@ FINDINGS: Final = (
         "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
         "Its torque is off after power-on by the manual's default and was switched on less than half as often meanwhile as it was away: who does so after most of its silences keeps it on himself; its joint follows between the silences and behind them, and its torque is not stated as off.",
     ),
-    FindingCode(
-        "one-question-unanswered",
-        "pairing",
-        "A servo leaves one question unanswered time and again, and answers all others meanwhile.",
-        "Two silences or more, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers (half, where it is said again and no repetition is answered); with sound answers between, so that chance does not choose it.",
-    ),
 )
 
 LONG_NS: Final = 10 * NS
@@ -77,7 +67,7 @@ OFTEN: Final = 3
 """Silences that are a habit."""
 
 TWICE: Final = 2
-"""Silences from which on chance decides whether they chose a question."""
+"""Servos that can go away at once."""
 
 PLENTY: Final = 6
 """So many silences and torn answers are no chance."""
@@ -97,26 +87,14 @@ HARDLY: Final = 40
 WITHIN: Final = 0.04
 """How often a contact that opens for one request alone is open for so short a time, and in its answer."""
 
-SAME_QUESTION: Final = 0.9
-"""Part of the silences that must begin with one request: of many, another one may get lost, too."""
-
 NEARLY_ALL: Final = 0.9
 """Part of the silences of each servo that must be those of all: one may miss a moment of its own."""
-
-SELDOM: Final = 1 / 3
-"""Who is asked mostly one thing loses mostly that, whatever the reason."""
-
-SELDOM_IN_VAIN: Final = 1 / 2
-"""The same where silences do not end with an answer to a repetition: who comes back answers what is asked
-just then, and in a storm of retries that is the question that began it."""
 
 SWITCHED: Final = 0.5
 """Part of its silences behind which a servo's torque may have been switched on where it kept it."""
 
 BEHIND_NS: Final = 2 * NS
 """How long behind its silences a joint is looked at."""
-
-CHANCE: Final = 1e-3
 
 NEAR_NS: Final = NS // 10
 """Servos are asked one after the other: silences so close to each other are of one moment."""
@@ -290,100 +268,11 @@ def _stated(case: Case, servo: int, first_ns: int, until_ns: int) -> int:
     )
 
 
-def one_question(case: Case) -> Iterator[Finding]:
-    """Tell which servos leave one question unanswered: who is away loses whatever is asked then.
-
-    What counts is the request that a silence begins with; who repeats it loses it again.
-    """
-    exchanges = case.ledger.exchanges
-    kind_at = {f.at: f.kind for f in exchanges.failed if f.kind >= 0}
-    owner = np.array(exchanges.kinds.servo_id, np.int64)
-    for servo in case.answering:
-        runs = [run for run in case.ledger.silences.runs(servo) if run.at in kind_at]
-        if len(runs) < TWICE:
-            continue
-        begins = np.bincount([kind_at[run.at] for run in runs])
-        kind, times = int(begins.argmax()), int(begins.max())
-        mine = np.flatnonzero(owner == servo)
-        answered = {k: exchanges.spans.count(k) for k in mine.tolist()}
-        share = (answered.get(kind, 0) + 1) / (sum(answered.values()) + 2)
-        if exchanges.count > FIRST:  # the first ones tell what is usual: it may have come later
-            said = exchanges.kinds.n
-            share = max(share, float(said[kind] / max(said[mine].sum(), 1)))
-        chance = at_least(times, len(runs), share)
-        most = SELDOM_IN_VAIN if _in_vain(exchanges.failed, servo, runs) else SELDOM
-        if times < SAME_QUESTION * len(runs) or share > most or chance > CHANCE:
-            continue
-        if may_be_torn(case, int(exchanges.kinds.n[kind])):
-            continue  # nobody asked that: another request was torn, and the check lets it pass
-        if _comes_first(case, servo, kind) and _loses_others(exchanges.failed, servo, kind):
-            continue
-        kinds = exchanges.kinds
-        which = (
-            f"{case.protocol.op_name(kinds.op[kind])} ({kinds.example[kind][:16].hex(' ').upper()})"
-        )
-        told = _told(
-            "one-question-unanswered",
-            servo,
-            runs,
-            f"{times} of {len(runs)} silences of servo {servo} begin with one and the same request, "
-            f"{which}, which is {share:.0%} of what it answers",
-            sureness(chance),
-        )
-        places = tuple(
-            Place(r.at, r.length, r.first_ns, "the question is left unanswered") for r in runs[:3]
-        )
-        brief = f"servo {servo} answers all but {which}"
-        yield replace(told, places=places, brief=brief)
-
-
-def _comes_first(case: Case, servo: int, kind: int) -> bool:
-    """Tell whether most of the time between the requests to a servo is over before one of them.
-
-    Where it is asked several things in one go, whatever begins between begins with the first. What
-    it is told without an answer, as goals of LSS are, begins no silence.
-    """
-    exchanges = case.ledger.exchanges
-    mine = [
-        k
-        for k in np.flatnonzero(np.array(exchanges.kinds.servo_id, np.int64) == servo).tolist()
-        if k == kind or exchanges.spans.count(k)
-    ]
-    before = total = 0
-    for t, kinds in exchanges.moments.stretches():
-        to_it = np.isin(kinds, mine)
-        rest = np.diff(t[to_it])
-        total += int(rest.sum())
-        before += int(rest[kinds[to_it][1:] == kind].sum())
-    return before > SELDOM_IN_VAIN * total
-
-
-def _loses_others(failed: Sequence[Failed], servo: int, kind: int) -> bool:
-    """Tell whether other questions are left unanswered as well: then it is not that one."""
-    lost = [f.kind for f in failed if f.servo_id == servo]
-    return lost.count(kind) < SAME_QUESTION * len(lost)
-
-
-def _in_vain(failed: Sequence[Failed], servo: int, runs: Sequence[Silence]) -> bool:
-    """Tell whether the request is said again in the silences, and the controller then goes on.
-
-    A silence that ends with an answer to a repetition ends behind a failure that was said again.
-    """
-    mine = [f for f in failed if f.servo_id == servo]
-    vain = known = 0
-    for run in runs:
-        lost = [f for f in mine if run.at <= f.at and f.t_ns < (run.back_ns or NEVER_NS)]
-        if len(lost) == run.missed:  # the later ones may not be kept
-            known += 1
-            vain += len(lost) > 1 and lost[0].is_again and not lost[-1].is_again
-    return vain > OFTEN and vain >= SAME_QUESTION * known
-
-
 def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
     return Finding(
         code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, one_question, for_long)
+RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, for_long)
 """The rules of this file."""
