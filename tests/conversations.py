@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -175,6 +176,22 @@ def robot(
         if behind is not None:
             behind(talk, cycle)
     return talk
+
+
+def echoed(talk: Conversation) -> list[Chunk]:
+    """Let the adapter hear what it sends."""
+    out = []
+    for chunk in talk.chunks:
+        if chunk.direction == Direction.TX:
+            note = (chunk.t_ns or 0) - len(chunk.data) * talk.byte_ns + 1
+            out.append(replace(chunk, t_ns=note, direction=Direction.UNKNOWN))
+        out.append(replace(chunk, direction=Direction.UNKNOWN))
+    return out
+
+
+def one_wire(talk: Conversation) -> list[Chunk]:
+    """Return what is heard where nobody tells the wires apart."""
+    return [replace(chunk, direction=Direction.UNKNOWN) for chunk in talk.chunks]
 
 
 def through_usb(chunks: Iterable[Chunk], timer_ms: int = 16) -> list[Chunk]:

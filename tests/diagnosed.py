@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.diagnosis import Diagnosis
 from sniffer.diagnosis.rules import findings
-from sniffer.ground.model import Chunk, Clock
+from sniffer.ground.model import Chunk, Clock, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -49,3 +49,8 @@ def codes(diagnosis: Diagnosis) -> set[str]:
 def verdicts(incidents: Iterable[Incident]) -> list[tuple[str, tuple[int, ...]]]:
     """Return the first cause and the servos of each incident."""
     return [(incident.cause, incident.servo_ids) for incident in incidents]
+
+
+def alarms(diagnosis: Diagnosis) -> list[str]:
+    """Return the causes of all incidents that are more than a note."""
+    return [i.cause for i in diagnosis.incidents() if i.severity > Severity.NOTE]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,33 +13,16 @@ from tests.conversations import (
     MS,
     TONGUES,
     Conversation,
+    one_wire,
     robot,
     through_usb,
     without_clock,
 )
-from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
-
-if TYPE_CHECKING:
-    from sniffer.diagnosis import Diagnosis
+from tests.diagnosed import alarms, chunks_of, codes, diagnosed, found, verdicts
 
 PROTOCOLS = tuple(TONGUES)
 ADDRESSED = tuple(name for name in PROTOCOLS if name != "wck")
 """Protocols whose answers are something without their requests."""
-
-
-def echoed(talk: Conversation) -> list[Chunk]:
-    """Let the adapter hear what it sends."""
-    out = []
-    for chunk in talk.chunks:
-        if chunk.direction == Direction.TX:
-            note = (chunk.t_ns or 0) - len(chunk.data) * talk.byte_ns + 1
-            out.append(replace(chunk, t_ns=note, direction=Direction.UNKNOWN))
-        out.append(replace(chunk, direction=Direction.UNKNOWN))
-    return out
-
-
-def one_wire(talk: Conversation) -> list[Chunk]:
-    return [replace(chunk, direction=Direction.UNKNOWN) for chunk in talk.chunks]
 
 
 def only(talk: Conversation, side: Direction) -> list[Chunk]:
@@ -70,10 +52,6 @@ def holes(chunks: list[Chunk], *, told: bool = False, seed: int = 7) -> list[Chu
     return out
 
 
-def alarms(diagnosis: Diagnosis) -> list[str]:
-    return [i.cause for i in diagnosis.incidents() if i.severity > Severity.NOTE]
-
-
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
@@ -87,48 +65,6 @@ def test_what_the_tap_told_itself_says_what_to_do_about_it(kind: MarkKind, told:
     chunks[900:1100] = [Chunk(b"", chunks[900].t_ns, Clock.SAMPLE, marks=(Mark(kind, 0),))]
     (incident,) = (i for i in talk.diagnosed(chunks).incidents() if i.cause == "tap-loss")
     assert incident.next.startswith(told)
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_an_adapters_echo_is_one_note_and_no_alarm_stands_beside_it(protocol: str) -> None:
-    talk = robot(protocol, 4)
-    (incident,) = talk.diagnosed(echoed(talk)).incidents()
-    assert (incident.cause, incident.severity, incident.servo_ids) == ("echo", Severity.NOTE, ())
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_an_echo_without_a_clock_is_the_same_note(protocol: str) -> None:
-    talk = robot(protocol, 4)
-    assert verdicts(talk.diagnosed(without_clock(echoed(talk))).incidents()) == [("echo", ())]
-
-
-def test_an_echo_of_what_nobody_answers_is_said_to_stand_there_twice() -> None:
-    talk = Conversation("mightyzap")
-    for n in range(200):
-        talk.write(talk.tongue.goal(1 + n % 3, (n % 90) / 100))
-        talk.rest(5)
-    found_codes = codes(talk.diagnosed(echoed(talk)))
-    assert "said-twice" in found_codes
-    assert "said-twice" not in codes(talk.diagnosed(one_wire(talk)))
-
-
-def test_an_echo_that_differs_shows_that_requests_are_altered_on_the_line() -> None:
-    talk = robot("mightyzap", 8)
-    rng = random.Random(1)
-    heard: list[Chunk] = []
-    was_request = False
-    for chunk in echoed(talk):
-        again = was_request and bool(heard) and heard[-1].data == chunk.data
-        if again and rng.random() < 0.03:
-            at = rng.randrange(len(chunk.data))
-            torn = bytearray(chunk.data)
-            torn[at] ^= 1 << rng.randrange(8)
-            chunk = replace(chunk, data=bytes(torn))
-        was_request = not again
-        heard.append(chunk)
-    told = talk.diagnosed(heard)
-    assert "echo-differs" in codes(told)
-    assert "bad-cable" not in alarms(told)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

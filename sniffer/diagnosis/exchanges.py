@@ -148,12 +148,16 @@ class Exchanges:
         """The first of them: place, length and end of the request."""
         self.doubled = 0
         """Requests without an answer that were said once more right behind, byte for byte."""
+        self.pairs = 0
+        """Of these, how many are not what was said before them as well."""
         self.silent = 0
         """Requests that have no answer, and no need of one."""
         self._pauses: dict[str, I64] = {}
         self._run: Run | None = None
         self._open = Held.empty()
         self._seen = 0
+        self._was_same = False
+        """Whether the last request that is judged is the same as the one before it."""
         self._unsure_ns = NEVER_NS
         self._followers = Buckets(_FOLLOWS)
 
@@ -198,7 +202,10 @@ class Exchanges:
         self.silent += int(np.count_nonzero(silent))
         near = np.flatnonzero(silent & (idle <= 3 * self._byte_ns))
         if len(near):
-            self.doubled += int(r.same(near).sum())
+            twice = r.same(near)
+            self.doubled += int(twice.sum())
+            self.pairs += int((twice & ~self._said_before(r, near)).sum())
+        self._was_same = bool(r.same(np.array([many - 1]))[0])
         any_failed = bool(failed.any())
         self._usual(r, many, idle, ok & (idle >= 0), failed)
         self._rest(r, since, idle, ~failed)
@@ -208,6 +215,13 @@ class Exchanges:
             again[rows] = r.same(rows)
             self._went_wrong(r, rows, again)
         return many
+
+    def _said_before(self, r: RequestRows, rows: I64) -> Mask:
+        """Tell which requests are the same as the ones before them, byte for byte."""
+        out = np.full(len(rows), self._was_same)
+        later = rows > 0
+        out[later] = r.same(rows[later] - 1)
+        return out
 
     def _hurried(self, r: RequestRows, rows: I64, idle: I64, torn: I64) -> None:
         """Note requests that came before the answer to the last one was over.

@@ -75,6 +75,9 @@ FINDINGS: Final = (
 
 LEAST: Final = 3
 
+NO_READS: Final = 0
+"""The return mode in which reads are not answered: see ``Register.effect``."""
+
 SOON_NS: Final = 10 * NS
 """So long behind the frame that gives a rate the line may go on at the old one, at most: a servo takes
 it with its next start, which who gave it commands, and others are told, too."""
@@ -266,24 +269,29 @@ def reads_unanswered(case: Case) -> Iterator[Finding]:
         before = [
             k for k in np.flatnonzero(told.t_ns <= first).tolist() if int(told.servo_id[k]) in names
         ]
-        since, places = first, [Place(at, length, first, "it is read from, and need not answer")]
-        by, how = "", "says"
-        if before:
-            k = before[-1]
-            since, how = int(told.t_ns[k]), "is told" if told.written[k] else "says"
-            register, value = case.protocol.registers[int(told.what[k])], int(told.after[k])
-            by = f" ({register.name} {register.values.get(value, value)})"
-            place = f"servo {servo} {how} that it answers no reads"
-            places.insert(0, Place(int(told.at[k]), int(told.length[k]), since, place))
+        if not before or int(told.after[before[-1]]) != NO_READS:
+            continue  # its answers are not expected for another reason: an echo stands there
+        k = before[-1]
+        since, how = int(told.t_ns[k]), "is told" if told.written[k] else "says"
+        register = case.protocol.registers[int(told.what[k])]
+        mode = f"{register.name} {register.values.get(NO_READS, NO_READS)}"
         yield Finding(
             "reads-unanswered-as-told",
             servo,
             since,
             last,
             n,
-            f"servo {servo} {how} that it answers no reads{by}; {n} reads follow until "
+            f"servo {servo} {how} that it answers no reads ({mode}); {n} reads follow until "
             f"{case.since(last)}, and none is answered",
-            tuple(places),
+            (
+                Place(
+                    int(told.at[k]),
+                    int(told.length[k]),
+                    since,
+                    f"servo {servo} {how} that it answers no reads",
+                ),
+                Place(at, length, first, "it is read from"),
+            ),
             strength=min(0.7 + n / 20, 1.0),
             brief=f"servo {servo} {how} that it answers no reads, and is read from",
         )

@@ -32,7 +32,7 @@ FINDINGS: Final = (
         "said-twice",
         "tap",
         "Every request stands there twice, right behind each other, and none has an answer.",
-        "Requests byte for byte as the one before, without a pause between, about as many as others.",
+        "Requests byte for byte as the one before, without a pause between, about as many as others; hardly an answer. Where the host takes two at once, these differ from what was said before them.",
     ),
     FindingCode(
         "echo-differs",
@@ -136,6 +136,10 @@ def said_twice(case: Case) -> Iterator[Finding]:
     n, doubled = exchanges.silent, exchanges.doubled
     if doubled < 3 * ENOUGH or not 0.48 * n <= doubled <= 0.52 * n:
         return
+    if case.total("ok") >= ENOUGH:
+        return  # an echo spares no question, and is proved by those that are answered
+    if not case.has_prompt_stamps and exchanges.pairs < ENOUGH:
+        return  # what is said all the time comes in pairs where the host takes two at once
     yield Finding(
         "said-twice",
         None,
