@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 
 from sniffer.decoding.translations import translated
-from sniffer.ground.model import Direction
+from sniffer.ground.model import Chunk, Direction
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
-from tests.conversations import TONGUES, Conversation, robot, without_clock
-from tests.diagnosed import codes, found, verdicts
+from tests.conversations import TONGUES, Conversation, one_wire, robot, without_clock
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.lists import in_turn
 from tests.streams import rs30x
-from tests.test_diagnosis_tap import holes, one_wire
+from tests.test_diagnosis_tap import holes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-
-    from sniffer.ground.model import Chunk
 
     Alter = Callable[[bytes], bytes]
 
@@ -62,6 +60,10 @@ WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
     "every FF stands there twice": (BINARY, lambda data: data.replace(b"\xff", b"\xff\xff")),
     "a 0D stands before every 0A": (HEADED, lambda data: data.replace(b"\n", b"\r\n")),
     "every 0D came as 0A": (("lss", "rs30x"), lambda data: data.replace(b"\r", b"\n")),
+    "the end of each line is sent as characters": (
+        ("lss",),
+        lambda data: data.replace(b"\r", b"\\r"),
+    ),
     "the ends of lines (0D) were taken away": (("lss",), without(0x0D)),
     "the two bytes of each pair": (tuple(TONGUES), pairs),
     "the bits of each byte stand in the other order": (tuple(TONGUES), turned),
@@ -79,7 +81,7 @@ WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
 }  # fmt: skip
 """By what is said of it: how bytes are altered, and in which protocols it can be seen."""
 
-WRITTEN = tuple(WHOLE)[:2] + tuple(WHOLE)[3:5]
+WRITTEN = tuple(WHOLE)[:2] + tuple(WHOLE)[3:6]
 """What programs also do to bytes that they write."""
 
 CASES = [(told, name, alter) for told, (names, alter) in WHOLE.items() for name in names]
@@ -235,3 +237,16 @@ def test_what_nobody_answers_was_altered_before_it_was_sent(
     (finding,) = (f for f in found(diagnosis) if f.code == "sent-translated")
     assert told in finding.what
     assert finding.what.endswith(" requests is answered")
+
+
+def test_of_what_has_no_frame_nobody_says_by_whom_it_is_spoken() -> None:
+    talk = Conversation("lss")
+    for n in range(200):
+        talk.say(talk.tongue.ask(1 + n % 5).replace(b"\r", b""))
+        talk.rest(5)
+    assert diagnosed(talk.chunks, "mightyzap").sentence() == "bus0: 800 bytes, in no frame"
+
+
+def test_letters_alone_have_lost_no_eighth_bit() -> None:
+    data = b"The quick brown fox jumps over the lazy dog 0123456789; " * 20
+    assert "bytes-translated" not in codes(diagnosed([Chunk(data)], "lss"))

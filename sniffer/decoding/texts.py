@@ -7,11 +7,16 @@ from typing import Final
 
 CR, LF = b"\r", b"\n"
 
+WRITTEN_OUT: Final = re.compile(rb"[\\/]r(?:[\\/]n)?")
+"""The end of a line as source code has it, sent as the characters that stand there."""
+
 READABLE: Final = 0x80
 """Bytes below are text in ASCII."""
 
 _SPOKEN: Final = re.compile(rb"[#*][0-9]*[A-Za-z]+[-0-9A-Za-z.]*")
 """A command or an answer in text, as LSS has them."""
+
+_PRINTED: Final = bytes(range(0x20, 0x7F)) + b"\t\r\n"
 
 
 def text_of(data: bytes) -> str | None:
@@ -22,6 +27,11 @@ def text_of(data: bytes) -> str | None:
         except UnicodeDecodeError:
             continue
     return None
+
+
+def is_printed(data: bytes) -> bool:
+    """Tell whether bytes are letters, digits and signs, in lines or not: no control characters."""
+    return not data.translate(None, _PRINTED)
 
 
 def is_latin(data: bytes) -> bool:

@@ -17,7 +17,16 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.holding import between, held, kept, spans_in
-from sniffer.decoding.texts import CR, LF, READABLE, is_around_lines, is_latin, lines_in, text_of
+from sniffer.decoding.texts import (
+    CR,
+    LF,
+    READABLE,
+    WRITTEN_OUT,
+    is_around_lines,
+    is_latin,
+    lines_in,
+    text_of,
+)
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -176,6 +185,12 @@ WHOLE: Final = (
         r"`grep -oE '[#*][0-9]*[A-Za-z]+[-0-9A-Za-z.]*' FILE | tr '\n' '\r' | sniffer decode -`",
         is_around_lines,
         lines_in,
+        LEAST_TEXT,
+    ),
+    _Whole(
+        r"the end of each line is sent as characters, `\r`, and is no 0D: write it as the byte",
+        lambda data: WRITTEN_OUT.search(data) is not None,
+        lambda data: WRITTEN_OUT.sub(CR, data),
         LEAST_TEXT,
     ),
     _Whole(

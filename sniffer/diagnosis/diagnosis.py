@@ -146,6 +146,9 @@ class Diagnosis:
         cases = self.cases()
         until_ns = max((_heard_until_ns(case) for case in cases if case.has_clock), default=0)
         for judged, case in zip(self.judged(), cases, strict=True):
+            if not judged["frames"]:  # of which protocol none holds, none is known to be spoken
+                parts.append(f"{judged['bus']}: {counted(judged['bytes'], 'byte')}, in no frame")
+                continue
             in_vain = len(_asked_in_vain(case))
             servos = len(judged["servo_ids"]) - in_vain
             good_ns = judged["latency_ns"] or 0

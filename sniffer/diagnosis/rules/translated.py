@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.texts import READABLE
+from sniffer.decoding.texts import READABLE, is_printed
 from sniffer.decoding.translations import Translated, translated
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
@@ -97,7 +97,7 @@ def _without_eighth_bit(case: Case) -> Translated | None:
     """Tell whether this is a conversation in seven bits that no protocol knows."""
     head, total = case.ledger.head, case.ledger.bytes
     lost = int(case.line["gap_bytes"].sum())
-    if len(head) < PLENTY or max(head) >= READABLE or len(set(head)) < SAID:
+    if len(head) < PLENTY or max(head) >= READABLE or len(set(head)) < SAID or is_printed(head):
         return None
     if total - lost > CHANCE * (total - case.held_bytes):
         return None
