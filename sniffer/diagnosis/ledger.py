@@ -30,6 +30,7 @@ from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings, kept_addresses
 from sniffer.diagnosis.silences import Silences
+from sniffer.diagnosis.slowest import Slowest
 from sniffer.diagnosis.steps import Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
@@ -103,6 +104,7 @@ class Ledger:
         self.events = Events()
         self.took = Histograms()
         """Response times by servo and command (``pair_key``), of what writes no lasting memory."""
+        self.slowest = Slowest()
         self.periods = Histograms(FINE_OCTAVE)
         """Times from a request to the next like it, by servo, command and address."""
         self.pauses = Histograms()
@@ -189,25 +191,23 @@ class Ledger:
         rows = np.flatnonzero((f.kind != REQUEST) & (f.length > 1))
         if len(rows):
             start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
-            raw = batch.data[start : start + length]
             self.answer_length = length
+            raw = batch.data[start : start + length]
             self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def _traffic(self, batch: Batch) -> None:
         f = batch.frames
         asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
-        start = f.start + batch.base
         for who in self.own_names:
-            own = (f.servo_id == who) & (f.kind == RESPONSE)
-            self.own_names[who] += int(np.count_nonzero(own))
+            self.own_names[who] += int(((f.servo_id == who) & (f.kind == RESPONSE)).sum())
         self.traffic.add(
             f.t_end,
             f.servo_id,
             frames=1,
             requests=asks,
             bytes=f.length,
-            at=start,
-            end=start + f.length,
+            at=f.start + batch.base,
+            end=f.end + batch.base,
             t_first=f.t_start,
             t_last=f.t_end,
         )
@@ -255,6 +255,8 @@ class Ledger:
         alone = timed & (response == request + 1) & ~lasts
         whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
         self.took.add(whose, least[alone], took[alone] + spread[alone])
+        rows = rows[alone]
+        self.slowest.add(whose, least[alone], t_ns[alone], at[alone], frames.length[rows])
 
     def _periods(self, f: Frames) -> None:
         """Count the times between requests that are alike, and between any two."""
@@ -396,7 +398,3 @@ class Ledger:
         nobody = np.full(len(rows), -1, np.int64)
         told = happened(REMARK, kind, nobody, t_ns, at, length)
         self.events.add(told.having(after=count))
-
-    def heard_from(self, servo_id: int) -> bool:
-        """Tell whether a servo answered at least once."""
-        return servo_id in self.silences.heard

@@ -137,7 +137,7 @@ def never_answered(case: Case) -> Iterator[Finding]:
     for servo in case.servos:
         rows = np.flatnonzero(a["servo_id"] == servo)
         asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing and missing >= MOSTLY * asked and not case.ledger.heard_from(servo):
+        if missing and missing >= MOSTLY * asked and servo not in case.ledger.silences.heard:
             absent[servo] = rows
     counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
     is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1

@@ -366,7 +366,7 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         # Behind the last request of a cycle the controller rests as well: the shortest wait counts.
         took = n * int(waits["wait_min"][rows].min(initial=NEVER_NS)) if n else 0
         share = took / max(case.last_ns - case.first_ns, 1)
-        if case.ledger.heard_from(servo) or n < 5 or share < PART:
+        if servo in case.ledger.silences.heard or n < 5 or share < PART:
             continue
         yield Finding(
             "absent-costs",

@@ -9,16 +9,20 @@ import numpy as np
 from sniffer.diagnosis.acks import seldom_answered
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least
-from sniffer.diagnosis.keys import pair_of
+from sniffer.diagnosis.keys import pair_key, pair_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.slowest import SLOW_NS
 from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.events import Happenings
     from sniffer.diagnosis.histograms import Histograms
     from sniffer.diagnosis.rules import Rule
+
+LESS_DELAY: Final = "It does as it is told: write it a smaller return delay, if it is to answer as soon as the others."
 
 FINDINGS: Final = (
     FindingCode(
@@ -26,6 +30,14 @@ FINDINGS: Final = (
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
         "A tenth of its answers or more, five at least, and three times as many as of its peers and by no chance, begin surely (whatever the stamps' uncertainty) 1 ms and by half later than nine tenths of its peers' answers take at least (of the middle one of them). Where the rate is unsure: the same of their ends, which need none, with as much to spare as answers of other lengths take.",
+    ),
+    FindingCode(
+        "slow-by-its-delay",
+        "timing",
+        "A servo takes longer to answer than the other servos do, and its delay register says so.",
+        "The same, where the delay that was read or written is longer than its peers take, and is what it takes at least.",
+        remedy=LESS_DELAY,
+        settle=LESS_DELAY,
     ),
     FindingCode(
         "late-replies",
@@ -40,10 +52,6 @@ FINDINGS: Final = (
         "Half of its answers begin surely a millisecond later than the delay that was read or written.",
     ),
 )
-
-MORE_NS: Final = 1_000_000
-"""Servos of one kind differ by less: return delays are set in steps of 2 to 50 us, and firmware
-answers within some hundred, that of text lines within a millisecond."""
 
 TIMES: Final = 1.5
 
@@ -119,7 +127,7 @@ def _slower(
             if servo not in case.servos or not peers or count < LEAST:
                 continue
             fast = peers[(len(peers) - 1) // 2]
-            more = MORE_NS + one.spare_ns
+            more = SLOW_NS + one.spare_ns
             too_long = max(fast.low + more, round(TIMES * fast.low))
             late = told.above(key, too_long)
             others = [k for k in one.rows.values() if k != key]
@@ -173,7 +181,7 @@ def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
     kinds, lengths = exchanges.kinds, np.flatnonzero(exchanges.answer_lengths)
     differ = int(lengths[-1] - lengths[0]) if len(lengths) else 0
     byte_ns = case.ledger.byte_ns + exchanges.slower_ns
-    spare = max(case.latency_ns - MORE_NS, exchanges.unsure_ns - MORE_NS, 0) + differ * byte_ns
+    spare = max(case.latency_ns - SLOW_NS, exchanges.unsure_ns - SLOW_NS, 0) + differ * byte_ns
     likes: dict[tuple[int, int, int], dict[int, int]] = {}
     for k in range(len(kinds)):
         alike = kinds.op[k], kinds.address[k], kinds.odd[k]
@@ -183,6 +191,7 @@ def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
 
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     worst = max(several, key=lambda s: s.slow)
+    delay = _delay(case, servo)
     rows = np.flatnonzero(
         (case.answers["servo_id"] == servo) & (case.answers["took_max"] > worst.too_long_ns)
     )
@@ -196,21 +205,29 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     middle = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least"
     usual = middle if worst.usual_ns > worst.peers_ns else ""  # else stamps hide how late it is
     word = case.protocol.op_name(worst.op)  # its last 32 bits, which hold any usual word
+    keys = pair_key(np.full(len(several), servo), np.array([s.op for s in several]))
+    slowest = [case.ledger.slowest.of(key) for key in keys.tolist()]
+    places = tuple(
+        Place(s.at, s.length, s.t_ns, "the request of the slowest answer") for s in slowest if s
+    )
+    code, by, brief = "slower-than-peers", "", f"servo {servo} answers slowly"
+    if delay is not None and _is_by(delay.ns, worst):
+        code = "slow-by-its-delay"
+        by = f"; its delay register says {delay.ns / 1e6:.2f} ms"
+        brief += f": its delay is {delay.ns / 1e6:.2f} ms"
+        places = (*case.places(delay.told, "its return delay"), *places)
     return Finding(
-        "slower-than-peers",
+        code,
         servo,
         first,
         last,
         sum(s.slow for s in several),
         f"{worst.slow} of {worst.of} answers of servo {servo} to {word} {come} surely later than "
         f"{worst.too_long_ns / 1e6:.2f} ms{usual}; of the others' {worst.theirs[0]} of "
-        f"{worst.theirs[1]} do",
-        tuple(
-            Place(int(a["at"][r]), 1, int(a["t_first"][r]), "a slow answer's request")
-            for r in rows[:3]
-        ),
+        f"{worst.theirs[1]} do{by}",
+        places,
         strength=min(0.7 + worst.slow / max(worst.of, 1), 1.0),
-        brief=f"servo {servo} answers slowly",
+        brief=brief,
         values=(("usual_ns", worst.usual_ns), ("peers_ns", worst.peers_ns)),
         # whatever befalls frames now and then, most of a servo's answers do not wait for it
         is_own=worst.slow >= MOSTLY * worst.of,
@@ -223,22 +240,15 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
         return
     took = case.ledger.took
     for servo in case.answering:
-        delays = [
-            (row, delay)
-            for row, (what, raw) in enumerate(_settings(case, servo))
-            if (delay := reply_delay_ns(case.protocol, case.protocol.registers[what], raw))
-            is not None
-        ]
-        if not delays:
+        delay = _delay(case, servo)
+        if delay is None:
             continue
-        told = case.settings(servo_id=servo).take(np.array([row for row, _ in delays]))
-        delay_ns = max(delay for _, delay in delays)
         keys = [k for k in took.keys if pair_of(k)[0] == servo]
         key = max(keys, key=took.count, default=None)
         usual = None if key is None else took.at(key, 0.5)
         if key is None or usual is None or took.count(key) < LEAST:
             continue
-        if usual.low > delay_ns + BEYOND_NS:
+        if usual.low > delay.ns + BEYOND_NS:
             yield Finding(
                 "slower-than-its-delay",
                 servo,
@@ -246,11 +256,36 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
                 case.last_ns,
                 took.count(key),
                 f"servo {servo} takes at least {usual.low / 1e6:.2f} ms to answer in the middle; "
-                f"its delay register says {delay_ns / 1e6:.2f} ms",
-                case.places(told, "its return delay"),
+                f"its delay register says {delay.ns / 1e6:.2f} ms",
+                case.places(delay.told, "its return delay"),
                 strength=0.8,
                 brief=f"servo {servo} answers slowly",
             )
+
+
+class _Delay(NamedTuple):
+    """The longest delay that a servo was told or states, and where that stands."""
+
+    ns: int
+    told: Happenings
+
+
+def _delay(case: Case, servo: int) -> _Delay | None:
+    """Return how long a servo is to wait before it answers; None where nobody knows."""
+    delays = [
+        (row, delay)
+        for row, (what, raw) in enumerate(_settings(case, servo))
+        if (delay := reply_delay_ns(case.protocol, case.protocol.registers[what], raw)) is not None
+    ]
+    if not delays:
+        return None
+    told = case.settings(servo_id=servo).take(np.array([row for row, _ in delays]))
+    return _Delay(max(delay for _, delay in delays), told)
+
+
+def _is_by(delay_ns: int, slow: _Slow) -> bool:
+    """Tell whether a delay is what a servo takes longer than its peers."""
+    return slow.peers_ns < delay_ns and slow.usual_ns <= delay_ns + BEYOND_NS
 
 
 def _settings(case: Case, servo: int) -> list[tuple[int, int]]:

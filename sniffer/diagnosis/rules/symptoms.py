@@ -62,7 +62,9 @@ def symptoms(case: Case) -> Iterator[Finding]:
             who, of = whose, f" in exchanges with servo {servo}"
         known = CATALOGUE[code]
         # beside servos that answer, who was never heard is not there: nobody lost its answers
-        is_absent = code == MISSING and bool(case.answering) and not case.ledger.heard_from(servo)
+        is_absent = (
+            code == MISSING and bool(case.answering) and servo not in case.ledger.silences.heard
+        )
         yield Finding(
             code,
             who,

@@ -1,0 +1,53 @@
+"""Servos that answer later than the others: because they were told so, or not."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.conversations import Conversation
+from tests.diagnosed import codes, found, verdicts
+from tests.streams import rs30x
+
+DELAY_AT = 0x07
+"""Return Delay of RS30x: 100 us, and 50 us for each step."""
+
+
+def polled(told: int | None, late_ms: float) -> Conversation:
+    """Poll two servos; the first answers later from half of it on, told so or not."""
+    talk = Conversation("rs30x")
+    for k in range(400):
+        if k == 200 and told is not None:
+            talk.write(rs30x.write(1, DELAY_AT, bytes([told])))
+        for servo in (1, 2):
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(late_ms if servo == 1 and k >= 200 else 0.2)
+            talk.say(talk.tongue.answer(servo, 0.5))
+            talk.rest(1)
+    return talk
+
+
+@pytest.mark.parametrize(
+    ("told", "late_ms", "code"),
+    [
+        (127, 6.6, "slow-by-its-delay"),
+        (None, 6.6, "slower-than-peers"),
+        (2, 6.6, "slower-than-peers"),
+    ],
+)
+def test_a_servo_that_answers_late_as_it_was_told_does_as_it_was_told(
+    told: int | None, late_ms: float, code: str
+) -> None:
+    diagnosis = polled(told, late_ms).diagnosed()
+    (incident,) = diagnosis.incidents()
+    assert verdicts([incident]) == [("slow-servo", (1,))]
+    assert {"slow-by-its-delay", "slower-than-peers"} & codes(diagnosis) == {code}
+    assert incident.next.startswith("It does as it is told") == (code == "slow-by-its-delay")
+
+
+def test_who_is_called_slow_is_shown_by_the_request_of_a_slow_answer() -> None:
+    talk = polled(None, 6.6)
+    (slow,) = (f for f in found(talk.diagnosed()) if f.code == "slower-than-peers")
+    data = b"".join(chunk.data for chunk in talk.chunks)
+    (place,) = slow.places
+    assert data[place.offset : place.offset + place.length] == talk.tongue.ask(1)
+    assert place.offset > len(data) // 2
