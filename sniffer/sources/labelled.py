@@ -17,6 +17,7 @@ How a line is taken apart says ``loglines``, how bytes are spelled ``logbytes``.
 from __future__ import annotations
 
 import enum
+import functools
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.coarse import coarse
@@ -25,7 +26,7 @@ from sniffer.ground.patterns import later
 from sniffer.ground.wording import counted
 from sniffer.sources.logbytes import MOSTLY, SOME_BYTES, stated
 from sniffer.sources.logfields import LogFields, fields_of
-from sniffer.sources.loglines import SaidLine, are_pointed, said
+from sniffer.sources.loglines import Dumps, SaidLine, are_pointed, said
 from sniffer.sources.logstamps import LogClock, places
 from sniffer.sources.plain import BadLineError, share_of_hex
 from sniffer.sources.refusals import refused
@@ -98,16 +99,23 @@ def _kinds(lines: Sequence[bytes]) -> list[_LineKind]:
     """Return what each of the first lines of a text is."""
     fields = fields_of(lines[0]) if lines else None
     if fields is None:
-        return [_kind(line, said) for line in lines]
-    return [_LineKind.QUIET if fields.is_head(line) else _kind(line, fields.said) for line in lines]
+        dumps = Dumps()
+        return [_kind(line, functools.partial(said, dumps=dumps.names), dumps) for line in lines]
+    return [
+        _LineKind.QUIET if fields.is_head(line) else _kind(line, fields.said, Dumps())
+        for line in lines
+    ]
 
 
-def _kind(line: bytes, taken: Callable[[bytes], SaidLine | None]) -> _LineKind:
-    """Return what a line is that is taken apart so."""
+def _kind(line: bytes, taken: Callable[[bytes], SaidLine | None], dumps: Dumps) -> _LineKind:
+    """Return what a line is that is taken apart so; ``dumps`` is told of it."""
     parts: Sequence[tuple[Direction, bytes]] = ()
     try:
-        parts = (taken(line) or SaidLine(None, ())).parts
-        has_bytes = any(_data(*part, Spelling()) for part in parts)
+        told = taken(line) or SaidLine(None, ())
+        parts = told.parts
+        sizes = [len(_data(*part, Spelling())) for part in parts]
+        dumps.take(told.dump, sum(sizes))
+        has_bytes = any(sizes)
     except BadLineError:
         has_bytes = not _DECIMAL.search(line)
     if has_bytes:
@@ -132,6 +140,7 @@ class LabelledLog(TextLog):
         self._clock = LogClock()
         self._fields: LogFields | None = None
         self._is_pointed = False
+        self._dumps = Dumps()
         self._spelling = Spelling()
         self.timed = self.cut_off = False
         self.talk = self.empty = 0
@@ -159,13 +168,18 @@ class LabelledLog(TextLog):
             BadLineError: it does not say which bytes it has.
         """
         fields = self._fields
-        told = fields.said(line) if fields else said(line, is_pointed=self._is_pointed)
-        stamp, parts = told or (None, ())
+        told = (
+            fields.said(line)
+            if fields
+            else said(line, is_pointed=self._is_pointed, dumps=self._dumps.names)
+        )
+        stamp, parts, dump = told or SaidLine(None, ())
         has_bytes = False
         for direction, text in parts:
             data = _data(direction, text, self._spelling)
             if data:
                 has_bytes = True
+                self._dumps.take(dump, len(data))
                 yield self._chunk(stamp, direction, data, number)
         is_empty = not has_bytes and any(way is not Direction.UNKNOWN for way, _ in parts)
         self.empty += is_empty

@@ -50,17 +50,18 @@ class LogHead(NamedTuple):
     size: int
 
 
-def log_head(line: bytes, begins: Callable[[bytes, bool], object]) -> LogHead | None:
+def log_head(line: bytes, begins: Callable[[bytes, bytes, bool], object]) -> LogHead | None:
     """Return the head of ``line``, None where it has none or no message that is one follows it.
 
-    ``begins`` tells whether a text begins with what is looked for, and is told whether that may
-    be bytes without a direction: behind a bare word they may be of anything.
+    ``begins`` tells whether a text begins with what is looked for, and is told behind which name it
+    stands, and whether that may be bytes without a direction: behind a bare word they may be of
+    anything.
     """
     if not _SOME_LEVEL.search(line[:_REACH]):
         return None
     at, time, name, has_level, bare_words, is_bare = 0, b"", b"", False, 0, False
     for _ in range(_MOST_WORDS):
-        if has_level and begins(line[at:], not is_bare):
+        if has_level and begins(line[at:], name, not is_bare):
             return LogHead(time, name, at)
         word = _WORD.match(line, at)
         if word is None or (word["time"] and time):

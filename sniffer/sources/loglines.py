@@ -14,6 +14,7 @@ Words in other languages and signs beside ASCII are put into these first.
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -24,7 +25,7 @@ from sniffer.sources.logheads import log_head
 from sniffer.sources.logstamps import STAMP, is_no_byte, is_sure
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Sequence, Set
 
 SENT: Final = ("tx", "send", "sent", "sending", "write", "written", "out", "output", "w")
 HEARD: Final = ("rx", "recv", "received", "receive", "receiving", "read", "in", "input", "r")
@@ -105,6 +106,12 @@ _BEGIN: Final = later(  # bytes that begin a message
     rb"|(?:[0-9A-Fa-f]{2}){4,}[ \t\r]*$|(?:bytearray\()?b['\"])|[#*]\d"
 )
 
+BLOCKS: Final = (8, 16, 32)
+"""Bytes in a line of a dump that has more: ESP_LOG_BUFFER_HEX has 16."""
+
+_REST: Final = later(rb"[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*(?:[ \t\r]*|[ \t]{2,}\|.*)")
+"""What a block of a dump ends with; behind it may stand the same as text."""
+
 _SIGNS: Final = str.maketrans(
     {
         **dict.fromkeys("\u00a0\u2007\u202f\u3000", " "),
@@ -123,19 +130,42 @@ _SSCOM: Final = tuple(
 
 
 class SaidLine(NamedTuple):
-    """What a line says: ``parts`` are directions, each with the text of its bytes."""
+    """What a line says: ``parts`` are directions, each with the text of its bytes.
+
+    ``dump`` is the name in its head behind which bytes stand without a direction, as in dumps.
+    """
 
     stamp: re.Match[bytes] | None
     parts: Sequence[tuple[Direction, bytes]]
+    dump: bytes = b""
 
 
-def said(line: bytes, *, is_pointed: bool = False) -> SaidLine | None:
+class Dumps:
+    """Names in heads behind which a whole block of bytes stood last: its rest may follow."""
+
+    def __init__(self) -> None:
+        self.names: set[bytes] = set()
+
+    def take(self, name: bytes, size: int) -> None:
+        """Take how many bytes stood behind a name, none where it has none."""
+        if name and size in BLOCKS:
+            self.names.add(name)
+        else:
+            self.names.discard(name)
+
+
+def said(
+    line: bytes, *, is_pointed: bool = False, dumps: Set[bytes] = frozenset()
+) -> SaidLine | None:
     """Take a line apart; None where it has neither a time nor a direction in front.
 
-    ``is_pointed``: an arrow behind a time is a direction, see ``are_pointed``.
+    Args:
+        line: the line.
+        is_pointed: an arrow behind a time is a direction, see ``are_pointed``.
+        dumps: see ``Dumps``: behind these names two digits are a byte, the rest of a block.
     """
     line = in_ascii(line)
-    if head := log_head(line, _begins):
+    if head := log_head(line, functools.partial(_begins, dumps)):
         stamp, text = STAMP.match(head.time), line[head.size :]
     else:
         line = _unmarked(line)
@@ -146,7 +176,8 @@ def said(line: bytes, *, is_pointed: bool = False) -> SaidLine | None:
     if first is None:
         is_one = head or (stamp and is_sure(stamp))
         way = Direction.TX if is_pointed and stamp and stamp["arrow"] else Direction.UNKNOWN
-        return SaidLine(stamp, [(way, text)]) if is_one else None
+        dump = head.name if head else b""
+        return SaidLine(stamp, [(way, text)], dump) if is_one else None
     begin = first.end()
     if stamp is None and (behind := STAMP.match(text, begin)) and _is_time(behind, text):
         stamp, begin = behind, behind.end()
@@ -208,11 +239,13 @@ def _is_time(stamp: re.Match[bytes], text: bytes) -> bool:
     return is_apart and b":" not in text[stamp.end() :] and bool(_BEGUN.match(text, stamp.end()))
 
 
-def _begins(text: bytes, alone: bool) -> bool:
+def _begins(dumps: Set[bytes], text: bytes, name: bytes, alone: bool) -> bool:
     """Tell whether a text begins with bytes: with a direction, or ``alone``.
 
     Names are none behind the head of a framework: there they are of the one who writes.
     """
+    if alone and name in dumps and _REST.fullmatch(text):
+        return True
     way = _STRICT.match(text)
     return bool((way and not way["name"]) or (alone and _BEGIN.match(text)))
 
