@@ -1,11 +1,11 @@
-"""Logs of frameworks that print bytes in blocks: what is left of a message stands in a line alone."""
+"""Logs that print bytes in blocks: what is left of a message stands in a line alone."""
 
 from __future__ import annotations
 
 import pytest
 
+from tests.inputs import chunks, notes
 from tests.streams import mightyzap
-from tests.test_sources_labelled import chunks, notes
 
 REQUEST = mightyzap.packet(1, 0xF2, b"\x8c\x02")
 ANSWER = mightyzap.packet(1, 0, b"\xd0\x07")
