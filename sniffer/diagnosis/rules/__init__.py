@@ -11,6 +11,7 @@ from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.passing import without_passed
 from sniffer.diagnosis.rules import (
     absences,
+    alike,
     bare,
     bits,
     breaking,
@@ -80,6 +81,7 @@ _AREAS: Final = (
     controller,
     goals,
     absences,
+    alike,
     bare,
     breaking,
     collisions,

@@ -17,6 +17,13 @@ _NOT_ITS_WORD: Final = (
 WEIGHTS: Final = (
     *(
         weight
+        for cause in ("brownout", "servo-reset-loop", "bad-cable", "clock-drift")
+        for weight in for_(
+            cause, ("all-miss-alike", -3.5, "all servos miss as much: it is what they share")
+        )
+    ),
+    *(
+        weight
         for cause in ("torque-off", "stall", "overload", "position-jump")
         for weight in for_(cause, *_NOT_ITS_WORD)
     ),
