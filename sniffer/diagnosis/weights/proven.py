@@ -123,7 +123,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *(
         weight
         for cause in CAUSES
-        if cause != WRONG_BAUD
+        if cause not in (WRONG_BAUD, MIXED)
         for weight in for_(cause, (READ_TWICE, -12.0, "at the right rate none of it may be there"))
     ),
     *for_(
@@ -136,6 +136,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     ),
     *for_(
         MIXED,
+        (READ_TWICE, -3.0, "a conversation that says little may have bits alike"),
         (OTHER, 12.0, "nearly all that was said are frames of another protocol"),
         *(
             (code, 0.1, "what holds of a protocol that nobody speaks holds by chance")
