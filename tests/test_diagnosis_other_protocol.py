@@ -29,16 +29,15 @@ def test_a_bus_read_by_a_protocol_that_nobody_speaks_is_told_as_that_alone(
 
 @pytest.mark.parametrize("named", ["lss", "rs30x", "wck"])
 def test_a_bus_that_says_little_has_bits_alike_and_no_wrong_rate(named: str) -> None:
-    """A servo is sent from end to end, and asked whether it moves: all bytes have bit 6 as bit 5."""
+    """From end to end, and whether it moves there: all bytes have bit 6 as bit 5."""
     talk = Conversation("mightyzap")
     for k in range(2000):
         if k % 200 == 0:
-            talk.write(
-                mightyzap.packet(0, 0xF3, b"\x86" + (k // 200 % 2 * 4095).to_bytes(2, "little"))
-            )
+            place = (k // 200 % 2 * 4095).to_bytes(2, "little")
+            talk.write(mightyzap.packet(0, 0xF3, b"\x86" + place))
             talk.say(mightyzap.packet(0, 0xF2, b"\x8c\x02"))
             talk.rest(0.3)
-            talk.say(mightyzap.packet(0, 0, (k // 200 % 2 * 4095).to_bytes(2, "little")))
+            talk.say(mightyzap.packet(0, 0, place))
             talk.rest(1)
         talk.say(mightyzap.packet(0, 0xF2, b"\x96\x01"))
         talk.rest(0.3)
