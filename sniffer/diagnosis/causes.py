@@ -59,7 +59,7 @@ _CAUSES: Final = (
         "Nothing holds from the first byte on; the same bytes read at another rate are frames; a UART finds no stop bits; a bit of every byte is as the one before it (a line a few per cent slower, where some frames hold).",
         "Another protocol, inverted or stuck line.",
         "Decode or record at the rate that is named (`--baud`; where none is, `sniffer record PORT` without a rate finds it), or correct the controller's rate.",
-        "Read the same bytes at the rate that is named: `sniffer decode FILE --baud RATE`.",
+        "Record a few seconds without a rate (`sniffer record PORT`): it tries all; where none holds, it is no rate.",
     ),
     Cause(
         "bus-noise",

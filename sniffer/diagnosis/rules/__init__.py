@@ -57,6 +57,7 @@ from sniffer.diagnosis.rules import (
     translated,
     unanswered,
     unasked,
+    unknown,
     waits,
     warmth,
 )
@@ -113,6 +114,7 @@ _AREAS: Final = (
     translated,
     unanswered,
     unasked,
+    unknown,
     waits,
     warmth,
 )

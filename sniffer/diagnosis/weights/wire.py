@@ -49,6 +49,10 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "mixed-protocols",
         ("two-protocols", 5.0, "two protocols hold on one line"),
+        ("unknown-packets", 8.0, "packets state their lengths, and none is of this protocol"),
+        ("nothing-holds", 2.0, "another protocol that nobody here knows holds in nothing, too"),
+        ("line-babbles", 0.2, "what another protocol says holds in nothing"),
+        ("odd-commands", 0.2, "frames of another protocol hold by chance"),
         ("foreign-frames", 6.0, "another protocol holds in what this one does not claim"),
         ("noise", 0.6, "frames of another protocol"),
         ("truncated-frame", 0.3, "frames of another protocol begin like one"),
@@ -69,6 +73,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "wrong-baud",
         ("nothing-holds", 5.0, "the same conversation all the time, and no frame"),
         ("bits-of-another-rate", 3.0, "the line is slower than the receiver"),
+        ("unknown-packets", -9.0, "at a wrong rate no packet is as long as it says"),
         ("begins-hold", -9.0, "at a wrong rate no frame begins as it should"),
         ("foreign-frames", -6.0, "another protocol holds at this rate"),
         ("damage-behind-steps", -5.0, "a rate is wrong whatever moves"),
