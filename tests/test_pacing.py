@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,7 +15,16 @@ from sniffer import diagnose
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.decoding.joining import joined
-from sniffer.decoding.pacing import ASSUMED, ESTIMATED, PACKET, STATED, TIMER_NS, Pace, exchanges_in
+from sniffer.decoding.pacing import (
+    ASSUMED,
+    ESTIMATED,
+    PACKET,
+    STATED,
+    TIMER_NS,
+    Pace,
+    exchanges_in,
+    pace,
+)
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.codes import OK
 from sniffer.ground.model import NS, Chunk, Clock
@@ -25,9 +35,10 @@ from sniffer.simulation.faults import Fault
 from sniffer.simulation.render import frame_reads, usb_reads
 from sniffer.sources import open_source
 from tests.commands import sniffer
-from tests.conversations import robot
+from tests.conversations import Conversation, robot, through_usb
 from tests.hosts import MS, lines, reads, truths
 from tests.lists import each_in_turn, in_turn
+from tests.streams import rs30x
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -273,3 +284,17 @@ def test_a_figure_that_the_stamps_do_not_carry_is_no_number() -> None:
     assert Bounds(0, 2_000_000).ms() == "<2.00"
     assert Bounds(9_000_000, 12_000_000).ms() == "9.00-12.00"
     assert Bounds(9_900_000, 10_100_000).ms() == "10.00"
+
+
+def test_a_servo_that_acknowledges_at_once_is_no_sign_of_a_host_that_holds_bytes() -> None:
+    """Question and a byte as answer are closer than pieces of one read, and no timer cuts them."""
+    talk = Conversation("rs30x")
+    for k in range(400):
+        talk.until(k * 0.02)
+        talk.say(rs30x.write(1, 0x1E, bytes([k % 200, 0, 8, 0]), flags=1))
+        talk.rest(0.1)
+        talk.say(b"\x07")
+    prompt = [replace(chunk, clock=Clock.FILE) for chunk in talk.chunks]
+    assert pace(PROTOCOLS["rs30x"], prompt, baud=talk.baud).latency_ns is None
+    held = [replace(chunk, clock=Clock.FILE) for chunk in through_usb(talk.chunks)]
+    assert pace(PROTOCOLS["rs30x"], held, baud=talk.baud).latency == ESTIMATED

@@ -55,6 +55,10 @@ MANY: Final = 8
 MERGED: Final = 0.05
 """Share of answers that come with their question from which on bytes are said to be held."""
 
+CUTS, HARDLY = 12, 0.1
+"""Exchanges that a timer would have cut by chance, and which part of them at most are cut where
+there is none: servos that answer at once come as close to their questions as pieces of one read."""
+
 PROMPT_NS: Final = 2 * MS
 """Deliveries that are closer than this are no timer's."""
 
@@ -199,6 +203,7 @@ class _Look:
         # Which answer belongs to which question is told by the bytes alone here.
         f, asked, answered = exchanges_in(protocol, b"".join(k.data for k in chunks))
         self.start, self.stop = f.start, f.end
+        self.asks_from = f.start[asked]
         self.asked, self.begun, self.answered = f.end[asked], f.start[answered], f.end[answered]
 
     def waited_ns(self, byte_ns: int) -> int:
@@ -253,6 +258,7 @@ class _Look:
         chunk_of = np.searchsorted(self.end, np.stack([self.asked, self.answered]), "left")
         together = number[chunk_of[0]] == number[chunk_of[1]]
         merged = together.sum() >= 2 and together.mean() >= MERGED and closest >= PROMPT_NS
+        merged = merged and not self._is_uncut(number, byte_ns, closest)
         grid = np.gcd.reduce(np.abs(self.t - self.t[0]))
         resolution = int(grid) if grid >= PROMPT_NS and grid < 60_000 * MS else 0
         if merged and closest > PROMPT_NS and _share_on(between, closest) > 1 - 2 * MERGED:
@@ -268,6 +274,16 @@ class _Look:
         else:
             return resolution
         return max(_with_margin(timer), resolution)
+
+    def _is_uncut(self, number: I64, byte_ns: int, timer_ns: int) -> bool:
+        """Tell whether deliveries (``number`` by chunk) spare exchanges, which no timer does.
+
+        It runs on by itself, and ends wherever it does: in as many as their part of the time.
+        """
+        first = np.searchsorted(self.end, self.asks_from, "right")
+        cut = number[first] != number[np.searchsorted(self.end, self.answered, "left")]
+        by_chance = int((self.answered - self.asks_from).sum()) * byte_ns / max(timer_ns, 1)
+        return bool(by_chance >= CUTS and cut.sum() <= HARDLY * by_chance)
 
     def _is_held(self, byte_ns: int) -> bool:
         """Tell whether questions came with answers that took longer than a prompt host waits."""
