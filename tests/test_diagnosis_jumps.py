@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.ground.model import Chunk
-from tests.conversations import TONGUES, robot, swinging, without_clock
+from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tests.conversations import Conversation
 
 PROTOCOLS = tuple(TONGUES)
 
@@ -187,3 +186,19 @@ def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() ->
     later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
     d = heard([*places(*SOUND[:50]), *later], "mightyzap")
     assert not codes(d) & {"position-jumps", "doubtful-value"}
+
+
+def test_each_goal_that_jumps_and_comes_back_is_one_and_is_shown_itself() -> None:
+    """One of them at the end of a quarter second, so that its way back is in the next one."""
+    talk, jumps = Conversation("mightyzap"), []
+    for k in range(1600):
+        talk.until(k / 100)
+        if k % 300 == 224:
+            jumps.append(sum(len(chunk.data) for chunk in talk.chunks))
+            talk.send(1, 0.0)
+        else:
+            talk.send(1, swinging(1, talk.now_s))
+        talk.read(1, swinging(1, talk.now_s))
+    (told,) = (f for f in found(talk.diagnosed()) if f.code == "goal-jump")
+    assert told.count == len(jumps)
+    assert [place.offset for place in told.places] == jumps[:3]

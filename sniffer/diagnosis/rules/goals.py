@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -80,7 +81,7 @@ is none."""
 
 
 class _Jump(NamedTuple):
-    """Goals among which one jumps: where they are, and by how much in the unit."""
+    """A goal that jumps: where it is, until when it is back, and by how much in the unit."""
 
     at: int
     first_ns: int
@@ -112,7 +113,7 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             len(jumps),
             f"a goal of servo {servo} jumps by {size}, and no other step "
             f"near is above {goals.told(usual)}" + (", and comes back" if returns else ""),
-            tuple(Place(j.at, 1, j.first_ns, "goals among which one jumps") for j in jumps[:3]),
+            tuple(Place(j.at, 1, j.first_ns, "a goal that jumps") for j in jumps[:3]),
             brief=f"a goal of servo {servo} jumps by {size}",
             episodes=tuple((j.first_ns, j.last_ns) for j in jumps),
         )
@@ -145,11 +146,33 @@ def _timed(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, b
         return [], 0.0, False
     worst = int(rows[np.argmax(goals.step[rows])])
     returns = bool(np.abs(goals.last[worst] - goals.first[worst]) < goals.step[worst] / 2)
-    jumps = [
-        _Jump(int(goals.at[r]), int(goals.t_first[r]), int(goals.t[r]), float(goals.step[r]))
-        for r in rows
-    ]
+    leaps = case.ledger.steps.of(servo, goals.index)
+    jumps: list[_Jump] = []
+    out: Leap | None = None
+    for r in rows.tolist():
+        leap = _leap_in(leaps, goals, r)
+        if leap is None:  # there are more than are kept one by one
+            since, until = int(goals.t_first[r]), int(goals.t[r])
+            jumps.append(_Jump(int(goals.at[r]), since, until, float(goals.step[r])))
+        elif out is not None and _is_way_back(out, leap):
+            jumps[-1] = jumps[-1]._replace(last_ns=leap.t_ns)
+        else:
+            jumps.append(_Jump(leap.at, leap.t_ns, leap.t_ns, leap.size / MILLI))
+        out = leap
     return jumps, usual, returns
+
+
+def _leap_in(leaps: Sequence[Leap], goals: Series, r: int) -> Leap | None:
+    """Return the first jump among the goals of a bucket, if it is kept."""
+    since, until = int(goals.t_first[r]), int(goals.t[r])
+    least = ABOUT * float(goals.step[r]) * MILLI
+    return next((s for s in leaps if since <= s.t_ns <= until and s.size >= least), None)
+
+
+def _is_way_back(out: Leap, leap: Leap) -> bool:
+    """Tell whether a jump comes back from where the one before it went, soon."""
+    back = (leap.after - leap.before) * (out.after - out.before) < 0
+    return back and leap.t_ns - out.t_ns <= BACK * BUCKET_NS
 
 
 def _ordered(case: Case, servo: int, goals: Series) -> tuple[list[_Jump], float, bool]:
@@ -196,14 +219,14 @@ def _jumps(case: Case, servo: int, goals: Series) -> tuple[I64, float]:
     found = [
         (r, usual)
         for r in np.flatnonzero(far).tolist()
-        if (usual := _usual(case, goals, r)) and not _goes_on(case, leaps, goals, r)
+        if (usual := _usual(case, goals, r, leaps)) and not _goes_on(case, leaps, goals, r)
     ]
     if not 0 < len(found) <= max(SHARE * moving.sum(), 1):
         return none, 0.0
     return np.array([r for r, _ in found], np.int64), max(usual for _, usual in found)
 
 
-def _usual(case: Case, goals: Series, r: int) -> float:
+def _usual(case: Case, goals: Series, r: int, leaps: Sequence[Leap]) -> float:
     """Return the greatest of the small steps around a jump; 0: it is none."""
     bucket, step = goals.bucket, goals.step
     near = np.abs(bucket - bucket[r]) <= NEAR
@@ -214,7 +237,7 @@ def _usual(case: Case, goals: Series, r: int) -> float:
     if before < NEAR // 2 or (behind < NEAR // 4 and not ends) or _lacks_goals(case, goals, r):
         return 0.0
     usual = float(step[small].max())
-    return usual if step[r] >= BEYOND * usual and _stands_out(case, goals, r) else 0.0
+    return usual if step[r] >= BEYOND * usual and _stands_out(goals, r, leaps) else 0.0
 
 
 def _goes_on(case: Case, leaps: Sequence[Leap], goals: Series, r: int) -> bool:
@@ -233,7 +256,7 @@ def _goes_on(case: Case, leaps: Sequence[Leap], goals: Series, r: int) -> bool:
     return bool(took) and size <= GOES_ON * fastest * max(took)
 
 
-def _stands_out(case: Case, goals: Series, r: int) -> bool:
+def _stands_out(goals: Series, r: int, leaps: Sequence[Leap]) -> bool:
     """Tell whether a step is no part of a fast move: it comes back, or stands alone among many."""
     alike = np.flatnonzero(
         (np.abs(goals.bucket - goals.bucket[r]) <= BACK) & (goals.step >= ABOUT * goals.step[r])
@@ -241,6 +264,11 @@ def _stands_out(case: Case, goals: Series, r: int) -> bool:
     before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
     way = abs(float(goals.last[after] - goals.last[before]))
     if way <= ABOUT * goals.step[r]:
+        return True
+    # of a fast path the ends of quarter seconds are far apart: the jumps themselves tell
+    least, since, until = ABOUT * goals.step[r] * MILLI, goals.t_first[alike[0]], goals.t[after]
+    near = [s for s in leaps if since <= s.t_ns <= until and s.size >= least]
+    if any(_is_way_back(a, b) and abs(b.after - a.before) <= least for a, b in pairwise(near)):
         return True
     alone = len(alike) == 1 and goals.n[r] >= AMONG
     return bool(alone and way <= goals.step[r] * (1 + 1 / BEYOND))
