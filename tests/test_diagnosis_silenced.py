@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.conversations import BAUD, Conversation, robot
-from tests.diagnosed import codes, diagnosed, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.streams import mightyzap
 
 RETURN_MODE_AT, PROTOCOL_AT = 0x10, 0x0A
@@ -62,3 +62,23 @@ def test_a_mode_in_which_reads_are_answered_silences_nobody() -> None:
     found = codes(told(mode(RETURN_MODE_AT, 1)).diagnosed())
     assert "reads-unanswered-as-told" not in found
     assert "silent-since" in found
+
+
+@pytest.mark.parametrize("word", [b"DEFAULT", b"UPDATE"])
+def test_the_last_that_a_servo_was_told_is_named_where_it_never_answers_again(word: bytes) -> None:
+    diagnosis = told(b"#2" + word + b"\r#2CONFIRM\r").diagnosed()
+    (incident,) = diagnosis.incidents()
+    assert [c.cause for c in incident.likely] == ["silenced", "servo-dead"]
+    (finding,) = (f for f in found(diagnosis) if f.code == "silent-since-an-order")
+    assert word.decode() in finding.what
+    assert "CONFIRM" in finding.what
+
+
+def test_a_servo_that_only_starts_anew_and_never_comes_back_is_dead() -> None:
+    incidents = told(mightyzap.packet(2, 0xF8)).diagnosed().incidents()
+    assert verdicts(incidents) == [("servo-dead", (2,))]
+
+
+def test_a_servo_that_dies_in_its_loop_was_told_nothing_else() -> None:
+    diagnosis = told(mightyzap.packet(2, 0xF3, b"\x86\x10\x00")).diagnosed()
+    assert "silent-since-an-order" not in codes(diagnosis)

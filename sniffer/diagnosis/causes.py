@@ -275,7 +275,7 @@ _CAUSES: Final = (
         SERVO,
         WARN,
         -2.0,
-        "a servo that was told to say nothing",
+        "a servo that was told to fall silent",
         "A write switched the servo's answers off, or made it speak another protocol; it is asked as if it had not.",
         "The write of the return mode or of the protocol, then requests without answers.",
         "A servo that died, a changed id or rate.",

@@ -130,6 +130,7 @@ WEIGHTS: Final = (
         ("voltage-sag", -1.0, "its supply was low before"),
         ("silent-at-old-rate", -3.0, "it was told another rate"),
         ("old-id-asked", -3.0, "it was given another id"),
+        ("silent-since-an-order", -1.0, "it was told something just before"),
         ("silent-in-other-mode", -3.0, "it was told to leave this protocol"),
     ),
     *for_(

@@ -33,6 +33,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "silenced",
         ("reads-unanswered-as-told", 5.0, "it is asked what it was told not to answer"),
+        (
+            "silent-since-an-order",
+            2.8,
+            "it is silent since it was told what it is told hardly ever",
+        ),
         ("silent-in-other-mode", 4.5, "it is silent since it was told to leave this protocol"),
         ("silent-since", 1.4, "it is silent since"),
         ("no-response", 0.6, "it is asked still"),
