@@ -19,6 +19,7 @@ from sniffer.ground.model import Chunk, Clock
 from sniffer.reports import svg
 from sniffer.reports.curves import Charts
 from sniffer.reports.histograms import TimeScale
+from sniffer.reports.text import LEVELS, sparkline
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.figures import DRAWN, ERROR, LONGEST, SHORTEST, Range, ServoFigures
@@ -352,3 +353,20 @@ def test_times_that_count_from_zero_are_no_day_of_1969(tmp_path: Path, capsys: C
         assert "(no date)" in told
         assert "1969-" not in told
         assert "1970-" not in told
+
+
+def test_a_line_of_characters_is_level_where_all_numbers_are_one() -> None:
+    """Means of one number differ in their last bit by how many of them there are."""
+    grid = Grid()
+    curve = grid.curve()
+    for k in range(300):
+        times = np.arange(k % 7 + 1) * FINEST_NS // 10 + k * 3 * FINEST_NS
+        grid.add(curve, times, np.full(len(times), 14.652))
+    assert set(sparkline(grid.curves()[curve], grid.size)) <= {LEVELS[0], " "}
+
+
+def test_a_line_does_not_go_on_over_hours_in_which_nothing_was_said() -> None:
+    """A minute of polls, three hours of nothing, a minute of polls: two stretches, two dots."""
+    assert svg.line(np.array([0, 700]), np.array([5, 5])).count("M") == 2
+    assert svg.line(np.array([0, 1, 700, 701]), np.array([5, 5, 9, 9])).count("M") == 2
+    assert svg.line(np.arange(0, 1000, 200), np.arange(5)).count("M") == 1

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.statistics.grid import BUCKETS
+
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
     from sniffer.statistics.grid import Trace
@@ -23,6 +25,10 @@ HEIGHT: Final = 240
 
 FAR: Final = 4.0
 """A line is broken where values are so many times further apart than usual for it."""
+
+
+FEW, WIDE = 4, BUCKETS / 8
+"""Of fewer steps none is usual; then a line goes on over an eighth of the time at most."""
 
 
 class Axis(NamedTuple):
@@ -83,6 +89,8 @@ def runs(at: I64) -> list[slice]:
     if not len(steps):
         return [slice(0, len(at))] if len(at) else []
     far = max(FAR * float(np.median(steps)), 2.0)
+    if len(steps) < FEW:  # nobody knows what is usual
+        far = min(far, WIDE)
     edges = [0, *(np.flatnonzero(steps > far) + 1).tolist(), len(at)]
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 COLUMNS: Final = 48
 """Characters of a curve."""
+
+SAME: Final = 1e-9
+"""By what part of them numbers may differ that are one, but for how a sum is rounded."""
 
 LEVELS: Final = "▁▂▃▄▅▆▇█"
 
@@ -180,7 +184,8 @@ def sparkline(curve: Trace, size: int) -> str:
     n = np.bincount(at, curve.n, COLUMNS)
     mean = total / np.maximum(n, 1)
     low, high = float(mean[n > 0].min()), float(mean[n > 0].max())
-    scale = (len(LEVELS) - 1) / (high - low) if high > low else 0.0
+    is_level = math.isclose(low, high, rel_tol=SAME)  # means of equal numbers may differ
+    scale = 0.0 if is_level else (len(LEVELS) - 1) / (high - low)
     levels = np.rint((mean - low) * scale).astype(np.int64)
     return "".join(
         LEVELS[k] if some else " "

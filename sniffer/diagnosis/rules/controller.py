@@ -13,6 +13,7 @@ from sniffer.diagnosis.placed import single
 from sniffer.ground.codes import COMMANDED
 from sniffer.ground.model import NS, UNUSUAL
 from sniffer.ground.register import unseen_scale
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -119,14 +120,15 @@ def goal_range(case: Case) -> Iterator[Finding]:
         # an anomaly does not say of which register it is
         is_alone = all(r is register or w["servo_id"][k] != servo for k, r, _ in beyond)
         count = max(count, 1) if is_alone else 1
-        goals = f"{count} goals" if is_alone else "goals"
+        goals = f"{counted(count, 'goal') if is_alone else 'goals'} of servo {servo}"
+        are = "is" if is_alone and count == 1 else "are"
         yield Finding(
             "goal-beyond-range",
             single(case, servo),
             int(events.t_ns[0]) if len(events) else int(w["t_first"][i]),
             int(events.t_ns[-1]) if len(events) else int(w["t_last"][i]),
             count,
-            f"{goals} of servo {servo} are out of range: {_told(register, worst)}, and "
+            f"{goals} {are} out of range: {_told(register, worst)}, and "
             f"the manual of {register.model} has {_told(register, register.range[0])} to "
             f"{_told(register, register.range[1])}",
             case.places(events, "a goal out of range"),
@@ -220,7 +222,7 @@ def writes(case: Case) -> Iterator[Finding]:
                 who,
                 *span,
                 n,
-                f"{n} writes to {register.name} of servo {servo}, which can only be read "
+                f"{counted(n, 'write')} to {register.name} of servo {servo}, which can only be read "
                 f"({register.model}){said}",
                 (place,),
                 strength=sure,
@@ -234,7 +236,7 @@ def writes(case: Case) -> Iterator[Finding]:
                 who,
                 *span,
                 parts,
-                f"{parts} writes to servo {servo} state part of {register.name}, which has "
+                f"{counted(parts, 'write')} to servo {servo} with part of {register.name}, which has "
                 f"{register.width} bytes ({register.model}){said}",
                 (place,),
                 strength=sure,
@@ -255,7 +257,7 @@ def unnamed_writes(case: Case) -> Iterator[Finding]:
             int(u["t_first"][i]),
             int(u["t_last"][i]),
             n,
-            f"{n} writes to address 0x{int(u['address'][i]):02X} of servo {servo}, which its table "
+            f"{counted(n, 'write')} to address 0x{int(u['address'][i]):02X} of servo {servo}, which its table "
             f"does not name" + (f"; it refused {refused}" if refused else ""),
             (
                 Place(

@@ -15,6 +15,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.silences import of_one_length
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import MS, NEVER_NS, NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -199,7 +200,11 @@ def losses(case: Case) -> Iterator[Finding]:
             Place(at, 1, t, "a request without a sound answer")
             for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)
         )
-        others = f"{rest_bad} of {rest} of {len(sound)} others" if sound else "nobody else is there"
+        others = (
+            f"{rest_bad} of {rest} of {counted(len(sound), 'other')}"
+            if sound
+            else "nobody else is there"
+        )
         yield Finding(
             "comes-and-goes",
             one.servo,
