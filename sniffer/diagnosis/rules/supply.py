@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
+from sniffer.diagnosis.limits import Limit, limit_told
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.passing import misread_senders
 from sniffer.ground.milli import MILLI
@@ -106,9 +107,8 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
             continue
         normal = peers if usual[servo] < APART * peers else usual[servo]
         limit = _limit(case, servo)
-        low = np.flatnonzero(
-            (v.low >= ALIVE * normal) & ((v.low < (1 - SAG) * normal) | (v.low < limit))
-        )
+        below = (v.low < limit.value) & (v.t_first >= limit.since_ns)
+        low = np.flatnonzero((v.low >= ALIVE * normal) & ((v.low < (1 - SAG) * normal) | below))
         if not len(low) or (len(v) < 2 and normal == usual[servo]):
             continue
         found = _sag(case, servo, v, low, normal, limit)
@@ -171,12 +171,13 @@ def _in_a_row(counts: Iterable[int]) -> int:
 
 
 def _sag(
-    case: Case, servo: int, v: Series, low: I64, normal: float, limit: float
+    case: Case, servo: int, v: Series, low: I64, normal: float, limit: Limit
 ) -> Finding | None:
     """Return what a sag says; None where it is one that sound robots have."""
     least = float(v.low[low].min())
     strength = min(max((1 - least / normal - SHALLOW) / (DEEP - SHALLOW), 0.0), 1.0)
-    if least < limit:
+    is_below = least < limit.value and v.t[low[-1]] >= limit.since_ns
+    if is_below:
         strength = 1.0
     is_start = strength < 1.0 and v.t_first[low[-1]] - v.t_first[low[0]] <= STARTS_NS
     is_doubtful = len(low) < 2 and not case.has_checksum
@@ -185,7 +186,10 @@ def _sag(
         if strength < TOLD:
             return None
     under = " under load" if _is_loaded(case, servo, v, low) else ""
-    below = f", its limit is {v.told(limit)}" if least < limit else ""
+    below = f", its limit is {v.told(limit.value)}{limit.told(case)}" if is_below else ""
+    sags = (
+        "sags to" if least < (1 - SAG) * normal else f"is below its limit, {v.told(limit.value)}:"
+    )
     return Finding(
         "voltage-sag",
         servo,
@@ -195,7 +199,7 @@ def _sag(
         f"servo {servo} measures {v.told(least)} at least{under}, usually {v.told(normal)}{below}",
         _lowest(case, servo, v),
         strength=strength,
-        brief=f"supply of servo {servo} sags to {v.told(least)}{under}",
+        brief=f"supply of servo {servo} {sags} {v.told(least)}{under}",
         values=(("least", least), ("usual", normal)),
     )
 
@@ -216,15 +220,14 @@ def _is_borne_out(case: Case, servo: int, v: Series, low: I64) -> bool:
     return any(since <= t <= until for t in (*told.tolist(), *silent))
 
 
-def _limit(case: Case, servo: int) -> float:
+def _limit(case: Case, servo: int) -> Limit:
     """Return the lowest voltage that a servo is set to accept; 0: it was not seen."""
     for index, register in enumerate(case.protocol.registers):
         if register.least_of == "voltage":
-            told = case.settings(register.name, servo_id=servo)
-            mine = told.after[told.what == index]
-            if len(mine):
-                return float(mine[-1]) * register.scale
-    return 0.0
+            told = limit_told(case, servo, index)
+            if told is not None:
+                return told
+    return Limit(0.0, 0)
 
 
 def _is_loaded(case: Case, servo: int, v: Series, low: I64) -> bool:

@@ -1,0 +1,54 @@
+"""Limits that are written hold from then on: what was so before broke none."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.conversations import T0, Conversation
+from tests.diagnosed import found
+from tests.streams import mightyzap
+
+TEMPERATURE_LIMIT_AT, LOWEST_VOLTAGE_AT = 0x0B, 0x0C
+TEMPERATURE_AT, VOLTAGE_AT = 0x93, 0x92
+"""Addresses of mightyZAP."""
+
+
+def measured(limit_at: int, limit: int, address: int, raw: int) -> Conversation:
+    """Read a value that never changes; after five seconds its limit is written."""
+    talk = Conversation("mightyzap")
+    for k in range(400):
+        talk.until(k / 40)
+        if k == 200:
+            talk.write(mightyzap.packet(1, 0xF3, bytes([limit_at, limit])))
+        talk.say(mightyzap.packet(1, 0xF2, bytes([address, 1])))
+        talk.rest(0.3)
+        talk.say(mightyzap.packet(1, 0, bytes([raw])))
+        talk.rest(1)
+    return talk
+
+
+@pytest.mark.parametrize(
+    ("talk", "code", "told"),
+    [
+        (
+            measured(TEMPERATURE_LIMIT_AT, 40, TEMPERATURE_AT, 42),
+            "temperature-high",
+            "42 °C, its limit is 40 °C, written at 5.0",
+        ),
+        (
+            measured(LOWEST_VOLTAGE_AT, 115, VOLTAGE_AT, 110),
+            "voltage-sag",
+            "11 V at least, usually 11 V, its limit is 11.5 V, written at 5.0",
+        ),
+    ],
+)
+def test_a_limit_holds_from_when_it_is_written(talk: Conversation, code: str, told: str) -> None:
+    (finding,) = (f for f in found(talk.diagnosed()) if f.code == code)
+    assert finding.first_ns >= T0 + 5_000_000_000
+    assert told in finding.what
+
+
+def test_what_is_at_its_lowest_what_it_usually_is_does_not_sag() -> None:
+    talk = measured(LOWEST_VOLTAGE_AT, 115, VOLTAGE_AT, 110)
+    (finding,) = (f for f in found(talk.diagnosed()) if f.code == "voltage-sag")
+    assert finding.brief == "supply of servo 1 is below its limit, 11.5 V: 11 V"
