@@ -59,7 +59,10 @@ def all_miss_alike(case: Case) -> Iterator[Finding]:
     free = len(servos) - 1
     if spread > free + DEVIATIONS * (2 * free) ** 0.5:
         return
-    longer = sum(case.ledger.silences.lengths(s)[-1] for s in servos)
+    silences = case.ledger.silences
+    if any(s.back_ns is None for servo in servos for s in silences.of(servo)):
+        return
+    longer = sum(silences.lengths(s)[-1] for s in servos)
     by_chance = int(asked.sum()) * share**3 * (1 - share)
     if longer > by_chance + DEVIATIONS * max(by_chance, 1) ** 0.5:
         return

@@ -27,7 +27,7 @@ FINDINGS: Final = (
         "silent-since-an-order",
         "controller",
         "The last that a servo was told before it fell silent for good is something that it is told hardly ever.",
-        "Silent to the end, five requests and more; one or two commands to it, said three times at most in the whole capture, in the second before its last answer and the four behind it, and none of its questions. A mere restart counts half.",
+        "Silent to the end, five requests and more; one or two commands to it, said three times at most in the whole capture, in the second before its last answer and the four behind it, the last of which no other question was answered behind, none of them an id or a rate that is given, and none of its questions. A mere restart counts half.",
         remedy=LOOK_IT_UP,
         settle=LOOK_IT_UP,
     ),
@@ -57,14 +57,17 @@ class _Order(NamedTuple):
 
 def silent_since_an_order(case: Case) -> Iterator[Finding]:
     """Find what servos were told last that never answered since."""
+    named = {*case.anomalies("id-changed", "baud-changed").at.tolist()}
     restarts = {op for op, kind in ends_goal(case.protocol).items() if kind == RESTARTS}
     for servo in case.answering:
         silent = next((s for s in case.ledger.silences.of(servo) if s.back_ns is None), None)
         if silent is None or silent.missed < ENOUGH:
             continue
         orders = _orders(case, servo, silent)[-SHOWN:]
-        if not orders:
+        if not orders or any(one.at in named for one in orders):
             continue
+        if orders[-1].t_ns < silent.before_ns:
+            continue  # it answered the loop's questions behind it
         told = " and ".join(
             f"{case.protocol.op_name(one.op)} ({one.data[:16].hex(' ').upper()}) at "
             f"{case.since(one.t_ns)}"
