@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rates_in_use import rates_in_use
-from sniffer.diagnosis.uart import heard, sent
+from sniffer.diagnosis.uart import FALLS, heard, sent
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -30,9 +30,8 @@ FINDINGS: Final = (
 )
 
 FULL: Final = 6
-"""Bytes that are no chance, of three values and more."""
-
-VALUES: Final = 3
+VALUES, NO_FALLS = 3, 2
+"""Bytes that are no chance, of so many values; a line that falls low for a moment makes some of them."""
 
 LEAST, RATES = 3, 2
 """Requests that were heard at another rate, and rates, that make a search."""
@@ -58,6 +57,8 @@ class _OtherRate(NamedTuple):
     run: UnclaimedRun
     at: int
     length: int
+    n: int
+    """How many requests that is."""
 
 
 def rates_tried(case: Case) -> Iterator[Finding]:
@@ -70,7 +71,8 @@ def rates_tried(case: Case) -> Iterator[Finding]:
     may_be = [one for baud in rates_in_use() for one in _at_rate(case.baud, baud, known, runs)]
     seen = _longest(may_be)
     bauds = sorted({one.baud for one in seen})
-    if len(seen) < LEAST or len(bauds) < RATES:
+    requests = sum(one.n for one in seen)
+    if requests < LEAST or len(bauds) < RATES:
         return
     first_ns, last_ns = seen[0].run.t_ns - BEFORE_NS, seen[-1].run.t_ns + BEFORE_NS
     near = (case.line["t_first"] >= first_ns) & (case.line["t_first"] <= last_ns)
@@ -83,9 +85,9 @@ def rates_tried(case: Case) -> Iterator[Finding]:
         None,
         int(case.line["t_first"][near][lost].min()),
         int(case.line["t_last"][near][lost].max()),
-        len(seen),
-        f"requests that hold here at {case.baud} baud are also sent at {told}: {len(seen)} places of no "
-        "frame are what a receiver makes of them",
+        requests,
+        f"requests that hold here at {case.baud} baud are also sent at {told}: bytes of no frame are what "
+        f"a receiver makes of {requests} of them",
         tuple(
             Place(one.at, one.length, one.run.t_ns, f"requests at {one.baud} baud")
             for one in {one.baud: one for one in reversed(seen)}.values()
@@ -103,12 +105,15 @@ def _at_rate(
     images = sorted({_heard(one, mine, baud) for one in known} - {b""}, key=len, reverse=True)
     if not images:
         return
-    in_a_row = re.compile(b"(?:%b)+" % b"|".join(map(re.escape, images)), re.DOTALL)
+    one = re.compile(b"|".join(map(re.escape, images)), re.DOTALL)
+    in_a_row = re.compile(b"(?:%b)+" % one.pattern, re.DOTALL)
     for run in runs:
         for found in in_a_row.finditer(run.data):
             data = found.group()
-            if len(data) >= FULL and len(set(data)) >= VALUES:
-                yield _OtherRate(baud, run, run.at + found.start(), len(data))
+            values = {*data}
+            if len(data) >= FULL and len(values) >= VALUES and len(values - FALLS) >= NO_FALLS:
+                n = len(one.findall(data))
+                yield _OtherRate(baud, run, run.at + found.start(), len(data), n)
 
 
 def _longest(found: Sequence[_OtherRate]) -> list[_OtherRate]:
