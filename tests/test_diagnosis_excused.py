@@ -158,3 +158,20 @@ def test_without_a_clock_a_start_is_over_after_so_many_requests() -> None:
     talk = robot("lss", 8, rate_hz=20, instead=starts)
     told = talk.diagnosed(without_clock(talk.chunks)).incidents()
     assert verdicts(told) == [("baud-changed", (2,))]
+
+
+def test_a_servo_that_writes_its_memory_is_deaf_meanwhile() -> None:
+    """Source: protocols of clients of RS30x, which wait for a second behind a flash write."""
+
+    def keeps(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle not in (50, 150) or servo != 2:
+            return False
+        talk.write(rs30x.write(servo, 0x08, b"\xdc\x05"))
+        talk.write(rs30x.packet(servo, 0x40, 0xFF))
+        for _ in range(8):
+            talk.ask_in_vain(servo, 100)
+        return False
+
+    told = robot("rs30x", 16, instead=keeps).diagnosed()
+    assert not told.incidents()
+    assert not told.rest(()).told

@@ -1,7 +1,8 @@
 """Requests that nobody can answer, for the controller's own doing: they are no lost answers.
 
-A servo that is told to start anew is deaf until it has, and who gave a servo another id may ask for
-the old one to see whether it is gone, or until the next servo is plugged in::
+A servo that is told to start anew is deaf until it has, so is one that writes its memory, and who
+gave a servo another id may ask for the old one to see whether it is gone, or until the next one is
+plugged in::
 
     request   restart 1   echo 1   echo 1   echo 1        id 0 := 4   echo 0   echo 0   echo 0
     answer    ok          -        -        ok            ok          -        -        ok
@@ -74,8 +75,10 @@ class Excused:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._everyone = shared_ids(protocol)
-        starts = [op for op, kind in ends_goal(protocol).items() if kind == RESTARTS]
-        self._starts = np.array(sorted(starts), np.int64)
+        self._protocol = protocol
+        self._starts = {op for op, kind in ends_goal(protocol).items() if kind == RESTARTS}
+        self._known: dict[int, bool] = {}
+        """Of each command whether a servo is deaf for a while behind it."""
         self._orders: dict[int, _Order] = {}
         """By servo, what it was told last, until it answers again."""
         self._had: dict[int, int] = {}
@@ -150,7 +153,8 @@ class Excused:
     def _told(self, batch: Batch) -> Iterator[tuple[_Order, int]]:
         """Yield who is told to start anew, and whose id is given away."""
         f = batch.frames
-        mine = (f.flags & RESETS != 0) | np.isin(f.op, self._starts)
+        deaf = [op for op in np.unique(f.op).tolist() if self._is_deafening(op)]
+        mine = (f.flags & RESETS != 0) | np.isin(f.op, deaf)
         for row in np.flatnonzero(mine & (f.kind == REQUEST) & (f.flags & ECHO == 0)).tolist():
             servo = int(f.servo_id[row])
             at = int(f.start[row]) + batch.base
@@ -164,6 +168,13 @@ class Excused:
             if servo not in self._everyone:
                 at, t_ns = int(found.at[row]), int(found.t_ns[row])
                 yield _Order(at, t_ns, is_start=False, is_id=True), servo
+
+    def _is_deafening(self, op: int) -> bool:
+        if op not in self._known:
+            keeps = getattr(self._protocol, "keeps", "")
+            is_kept = bool(keeps) and self._protocol.op_name(op) == keeps
+            self._known[op] = is_kept or op in self._starts
+        return self._known[op]
 
     def _take(self, order: _Order, servo: int) -> None:
         if order.is_id:

@@ -40,6 +40,9 @@ MOST: Final = 0.5
 DEVIATIONS: Final = 3.0
 """How far from what chance gives the servos may be apart, or their silences longer."""
 
+LONGER: Final = 1.2
+"""How many times longer than by chance the stretches without an answer may be."""
+
 TORN: Final = 0.1
 """Torn places for each missing answer: where more is torn, who tears it leaves other signs."""
 
@@ -62,10 +65,9 @@ def all_miss_alike(case: Case) -> Iterator[Finding]:
     silences = case.ledger.silences
     if any(s.back_ns is None for servo in servos for s in silences.of(servo)):
         return
-    longer = sum(silences.lengths(s)[-1] for s in servos)
-    by_chance = int(asked.sum()) * share**3 * (1 - share)
-    if longer > by_chance + DEVIATIONS * max(by_chance, 1) ** 0.5:
-        return
+    in_a_row = sum(sum(silences.lengths(s)) for s in servos)
+    if total * (1 - share) > in_a_row * LONGER:
+        return  # who misses one by chance has the next one as often as any
     lost = case.anomalies("no-response")
     yield Finding(
         "all-miss-alike",
