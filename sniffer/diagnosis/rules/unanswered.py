@@ -98,7 +98,7 @@ def unknown_question(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         vain = case.ledger.silences.in_vain(servo)
         asked = sum(one.missed for one in vain)
-        if asked < TWICE:
+        if asked < TWICE or may_be_torn(case, asked):
             continue
         which = _question_at(case, vain[0])
         told = _told(

@@ -175,7 +175,6 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-answers", 1.0, "all servos' answers are hit"),
         ("damage-in-requests", 1.0, "the controller's requests are hit"),
         ("all-miss-alike", 3.2, "all servos hear the controller as badly"),
-        ("no-response", 0.4, "servos do not understand what they are asked"),
         ("answered-though-altered", 3.0, "the levels are enough for the servos, not for the tap"),
         ("damage-one-servo", 0.5, "one sender's signal is weak"),
         ("last-byte-torn", 1.5, "the last byte has no time to settle"),
