@@ -34,7 +34,8 @@ def next_of(case: Case, explained: Explained) -> str:
     sign = FINDINGS.get(code)
     # what the tap itself told knows better than its cause what became of it
     told = CATALOGUE[code].remedy if code in OF_THE_TAP else ""
-    where = _where(case, cause.concerns, explained.servo_ids)
+    concern = cause.concerns if sign is None or sign.concerns is None else sign.concerns
+    where = _where(case, concern, explained.servo_ids)
     of_all = OF_ALL.get(first.cause, "")
     if of_all and len(case.answering) > 1 and set(case.answering) <= set(explained.servo_ids):
         return of_all

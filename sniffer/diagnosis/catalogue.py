@@ -21,7 +21,8 @@ class FindingCode:
     of each other that is one fault. ``is_manner``: it says in which way damage comes that others
     tell of; alone it has nothing to explain. ``remedy`` and ``settle`` say what to do, and what
     would settle it, where it is this finding that an incident is known by, and its cause's words
-    are for other signs of that cause.
+    are for other signs of that cause. ``concerns`` is what of a servo these are about, where that
+    is not what the cause concerns.
     """
 
     code: str
@@ -35,3 +36,4 @@ class FindingCode:
     is_manner: bool = False
     remedy: str = ""
     settle: str = ""
+    concerns: str | None = None

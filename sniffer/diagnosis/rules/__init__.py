@@ -30,6 +30,7 @@ from sniffer.diagnosis.rules import (
     interruptions,
     joints,
     jumps,
+    limited,
     line,
     losses,
     masters,
@@ -71,6 +72,7 @@ Rule = Callable[[Case], Iterable[Finding]]
 _AREAS: Final = (
     tap,
     losses,
+    limited,
     line,
     bits,
     ends,

@@ -64,6 +64,7 @@ FINDINGS: Final = (
         "A write of a register whose effect is another protocol, at least three requests behind it, and none of them answered from some moment on.",
         remedy=LEAD_IT_BACK,
         settle=LEAD_IT_BACK,
+        concerns="",
     ),
     FindingCode(
         "reads-unanswered-as-told",

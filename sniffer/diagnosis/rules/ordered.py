@@ -30,6 +30,7 @@ FINDINGS: Final = (
         "Silent to the end, five requests and more; one or two commands to it, said three times at most in the whole capture, in the second before its last answer and the four behind it, the last of which no other question was answered behind, none of them an id or a rate that is given, and none of its questions. A mere restart counts half.",
         remedy=LOOK_IT_UP,
         settle=LOOK_IT_UP,
+        concerns="",
     ),
 )
 

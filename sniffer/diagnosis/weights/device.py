@@ -144,6 +144,7 @@ WEIGHTS: Final = (
         "torque-off",
         ("joint-limp", 3.5, "it does not follow its goals, and its motor does nothing"),
         ("goals-without-torque", 3.5, "it gets goals while its torque is off"),
+        ("motor-limited-to-nothing", 4.0, "a limit of its motor was set to nothing"),
         ("limp-by-status", 3.0, "it says itself that it is limp"),
         ("torque-never-on", 1.4, "its torque is off after power-on, and nobody switches it on"),
         ("torque-gone", 2.0, "its torque went off by itself"),
