@@ -30,7 +30,7 @@ from sniffer.diagnosis.returns import Returns
 from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings, kept_addresses
 from sniffer.diagnosis.silences import Silences
-from sniffer.diagnosis.slowest import Slowest
+from sniffer.diagnosis.slowest import SlowestAnswers
 from sniffer.diagnosis.steps import Steps
 from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
@@ -104,7 +104,7 @@ class Ledger:
         self.events = Events()
         self.took = Histograms()
         """Response times by servo and command (``pair_key``), of what writes no lasting memory."""
-        self.slowest = Slowest()
+        self.slowest = SlowestAnswers()
         self.periods = Histograms(FINE_OCTAVE)
         """Times from a request to the next like it, by servo, command and address."""
         self.pauses = Histograms()

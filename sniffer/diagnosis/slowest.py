@@ -24,7 +24,7 @@ class SlowAnswer(NamedTuple):
     length: int
 
 
-class Slowest:
+class SlowestAnswers:
     """Keeps by servo and command (``pair_key``) the slowest answer; of equal ones the first."""
 
     def __init__(self) -> None:

@@ -42,7 +42,7 @@ BEFORE_NS: Final = 2 * NS
 """How long before a joint is seen to stand it may have been told: its goal moves on first."""
 
 
-class _Told(NamedTuple):
+class _ToldNothing(NamedTuple):
     """Where a register was last stated before some time, and what it was."""
 
     t_ns: int
@@ -73,9 +73,9 @@ def limited(case: Case) -> Iterator[Finding]:
             break
 
 
-def _nothing(case: Case, servo: int, away: Away) -> _Told | None:
+def _nothing(case: Case, servo: int, away: Away) -> _ToldNothing | None:
     """Return the write of 0 that a joint stands since, if it was not undone before it stood."""
-    best: _Told | None = None
+    best: _ToldNothing | None = None
     for who in (servo, *case.everyone):
         told = case.settings(*LIMITS, servo_id=who)
         for register in np.unique(told.what).tolist():
@@ -85,7 +85,7 @@ def _nothing(case: Case, servo: int, away: Away) -> _Told | None:
                 continue
             if told.t_ns[k] < away.first_ns - BEFORE_NS:
                 continue
-            best = _Told(int(told.t_ns[k]), int(told.at[k]), int(told.length[k]), register)
+            best = _ToldNothing(int(told.t_ns[k]), int(told.at[k]), int(told.length[k]), register)
     return best
 
 

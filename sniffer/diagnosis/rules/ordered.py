@@ -47,7 +47,7 @@ RESTART_ALONE: Final = 0.5
 """How much it counts where it was only told to start anew: that ends with its answers, mostly."""
 
 
-class _Order(NamedTuple):
+class _LastOrder(NamedTuple):
     """What a servo was told: when, the command, its bytes and its place."""
 
     t_ns: int
@@ -87,7 +87,7 @@ def silent_since_an_order(case: Case) -> Iterator[Finding]:
         )
 
 
-def _orders(case: Case, servo: int, silent: Silence) -> list[_Order]:
+def _orders(case: Case, servo: int, silent: Silence) -> list[_LastOrder]:
     """Return what a servo was told around its last answer that it is told hardly ever, in order."""
     kinds = case.ledger.exchanges.kinds
     since, until = silent.before_ns - BEFORE_NS, silent.before_ns + BEHIND_NS
@@ -99,7 +99,9 @@ def _orders(case: Case, servo: int, silent: Silence) -> list[_Order]:
         )
         if who == servo and n <= SELDOM and since <= t <= min(until, silent.first_ns) and k != asked
     ]
-    found = [_Order(int(kinds.t_last[k]), kinds.op[k], kinds.example[k], kinds.at[k]) for k in rows]
+    found = [
+        _LastOrder(int(kinds.t_last[k]), kinds.op[k], kinds.example[k], kinds.at[k]) for k in rows
+    ]
     return sorted(found)
 
 
