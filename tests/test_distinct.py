@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.ground.distinct import distinct
+from sniffer.ground.distinct import among, distinct
 
 NUMBERS = st.lists(st.integers(-3, 40)) | st.lists(st.integers(-(2**62), 2**62))
 
@@ -18,3 +18,9 @@ def test_distinct_numbers_are_those_that_sorting_finds(numbers: list[int]) -> No
     assert found.tolist() == sorted(set(numbers))
     assert found[which].tolist() == numbers
     assert times.tolist() == [numbers.count(n) for n in sorted(set(numbers))]
+
+
+@given(NUMBERS, NUMBERS)
+def test_who_is_among_a_few_is_told_as_numpy_tells_it(numbers: list[int], few: list[int]) -> None:
+    column = np.array(numbers, np.int64)
+    assert among(column, few).tolist() == np.isin(column, few).tolist()

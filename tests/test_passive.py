@@ -66,6 +66,7 @@ ASKS: Final = {
     "TIOCGSERIAL": "low latency?",
     "TIOCSSERIAL": "low latency, please",
     "TIOCGICOUNT": "the driver's counters",
+    "FIONREAD": "how many bytes can be read",
 }
 """All that may be asked of the port; TCSETSW, TCSETSF, TCSBRK, TCSBRKP, TIOCSBRK, TCFLSH, TCXONC,
 TIOCSTI, TIOCMBIS and TIOCMSET are not among it."""

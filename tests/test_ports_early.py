@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.ground.model import InputError
-from sniffer.ports import PortOptions, kernel, open_port
+from sniffer.ports import PortOptions, kernel, open_port, tty
 from tests.commands import sniffer, talk, within
 from tests.recorder import raw
 from tests.terminals import (
@@ -102,6 +102,35 @@ def test_what_a_port_heard_before_its_settings_held_is_kept_without_a_hole_or_dr
     kept = before if b"\xff" not in before else b""
     assert listen(port, len(kept) + 3)[0] == kept + b"now"
     assert int(port.facts()["dropped_at_open"]) >= len(before) - len(kept)
+    port.close()
+    os.close(slave)
+
+
+@LINUX_ONLY
+@pytest.mark.parametrize("before", [True, False])
+def test_headers_that_a_plain_port_heard_just_beside_its_new_settings_are_kept(
+    line: Terminal, before: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave = held_open(line, marks=False)
+    line.say(b"#1QD\r")
+    real, reads = tty._rest, list[bytes]()
+
+    def rest(fd: int) -> bytes:
+        if before == bool(reads):  # the first time behind what is read, the second time before it
+            reads.append(real(fd))
+            return reads[-1]
+        came = real(fd) if before else b""
+        line.say(HEADERS)
+        wait(lambda: bool(select.select([fd], [], [], 0)[0]), "it did not come")
+        reads.append(came or real(fd))
+        return reads[-1]
+
+    monkeypatch.setattr(tty, "_rest", rest)
+    port = open_port(line.path, AT_115200)
+    expected = b"#1QD\r" + HEADERS
+    assert listen(port, len(expected)) == (expected, [])
+    assert port.facts()["dropped_at_open"] == "0"
+    assert len(reads) == 2
     port.close()
     os.close(slave)
 

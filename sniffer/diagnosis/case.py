@@ -14,6 +14,7 @@ from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
+from sniffer.ground.distinct import among
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
@@ -204,8 +205,8 @@ class Case:
     def order_times(self, servo_id: int, *kinds: int) -> I64:
         """Return when a servo was last given such commands, a moment a bucket and kind."""
         o = self.orders
-        to_it = np.isin(o["servo_id"], [servo_id, *self.everyone])
-        return np.sort(o["t_last"][to_it & np.isin(o["kind"], kinds)])
+        to_it = among(o["servo_id"], [servo_id, *self.everyone])
+        return np.sort(o["t_last"][to_it & among(o["kind"], kinds)])
 
     @functools.cached_property
     def damage(self) -> Table:
@@ -307,7 +308,7 @@ class Case:
 
     def alarm_rows(self, *codes: str, servo_id: int | None = None) -> I64:
         """Return the rows of ``alarms`` with one of some codes, of one servo or of all."""
-        mine = np.isin(self.alarms["code"], [NUMBER[code] for code in codes])
+        mine = among(self.alarms["code"], [NUMBER[code] for code in codes])
         if servo_id is not None:
             mine &= self.alarms["servo_id"] == servo_id
         return np.flatnonzero(mine)
@@ -319,7 +320,7 @@ class Case:
     def anomalies(self, *codes: str, servo_id: int | None = None) -> Happenings:
         """Return anomalies of some codes one by one (of many, the first and the last thousand)."""
         h = self.happenings
-        mine = (h.kind == ANOMALY) & np.isin(h.what, [NUMBER[code] for code in codes])
+        mine = (h.kind == ANOMALY) & among(h.what, [NUMBER[code] for code in codes])
         return h.take(self._of(h, mine, servo_id))
 
     def settings(self, *quantities: str, servo_id: int | None = None) -> Happenings:
@@ -330,7 +331,7 @@ class Case:
             for i, r in enumerate(self.protocol.registers)
             if not quantities or {r.quantity, r.name, r.effect} & set(quantities)
         ]
-        mine = (h.kind == SETTING) & np.isin(h.what, registers)
+        mine = (h.kind == SETTING) & among(h.what, registers)
         return h.take(self._of(h, mine, servo_id))
 
     def registers_of(self, servo_id: int, quantity: str) -> list[Register]:
@@ -343,7 +344,7 @@ class Case:
     def remarks(self, *kinds: int) -> Happenings:
         """Return what the tap remarked, of some ``MarkKind``; ``after`` is the count."""
         h = self.happenings
-        return h.take((h.kind == REMARK) & np.isin(h.what, [int(k) for k in kinds]))
+        return h.take((h.kind == REMARK) & among(h.what, [int(k) for k in kinds]))
 
     def _of(self, h: Happenings, mine: Mask, servo_id: int | None) -> Mask:
         return mine if servo_id is None else mine & (h.servo_id == servo_id)

@@ -156,6 +156,11 @@ def set_settings(fd: int, to: LineSettings) -> None:
     fcntl.ioctl(fd, _TCSETS2, packed)
 
 
+def waiting(fd: int) -> int:
+    """Return how many bytes can be read at once, escapes among them."""
+    return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+
 def is_reserved(fd: int) -> bool:
     """Tell whether a program has the port for itself; root is let in all the same."""
     return bool(int.from_bytes(fcntl.ioctl(fd, _TIOCGEXCL, bytes(4)), sys.byteorder))

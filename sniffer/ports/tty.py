@@ -195,13 +195,18 @@ class TtyPort:
         if options.modem == "low":
             kernel.lower_lines(fd)
         keeps = options.modem == "keep"
+        to = before.listening(options.baud, hangs_up=False if keeps else None)
         early = _rest(fd) if before.is_plain else b""
-        kernel.set_settings(fd, before.listening(options.baud, hangs_up=False if keeps else None))
+        plain = kernel.waiting(fd)
+        kernel.set_settings(fd, to)
+        known = kernel.waiting(fd)
         between = b"" if before.is_listening else _rest(fd)
-        # whether an FF in that is escaped cannot be told; without the rest there would be a hole
-        kept = before.is_plain and b"\xff" not in between
-        dropped = b"" if kept else early + between
-        self._early = early.replace(b"\xff", b"\xff\xff") + between if kept else b""
+        # An FF stands alone among the first of these and twice among the last; whether it does in
+        # what came while the settings changed cannot be told, and without that there is a hole.
+        kept = before.is_plain and b"\xff" not in between[plain:known]
+        alone, twice = early + between[:plain], between[plain:]
+        self._early = alone.replace(b"\xff", b"\xff\xff") + twice if kept else b""
+        dropped = 0 if kept else len(early + between[:known] + _halved(between[known:]))
         lines = kernel.modem_lines(fd)
         if options.modem == "low" and lines and lines & (kernel.DTR | kernel.RTS):
             # leaving a baud rate of 0 raises them again
@@ -228,7 +233,7 @@ class TtyPort:
             "locked": "yes",
             "also_open_in": _named(self._rivals) or ("none" if info.all_seen else "not known"),
             "line_errors": self._tells.words,
-            "dropped_at_open": str(len(dropped)),
+            "dropped_at_open": str(dropped),
         }
 
     def _lost(self, why: str | None) -> PortLostError:
@@ -262,6 +267,11 @@ def _rest(fd: int) -> bytes:
         while len(out) < EARLY_MAX and (data := os.read(fd, READ_MAX)):
             out += data
     return out
+
+
+def _halved(escaped: bytes) -> bytes:
+    """Return bytes of the line whose FF came twice."""
+    return escaped.replace(b"\xff\xff", b"\xff")
 
 
 def latency_ns(info: PortInfo, timer_ms: int | None, baud: int) -> int | None:

@@ -89,6 +89,11 @@ def trajectory(rng: random.Random) -> Trajectory:
     return sines(rng) if rng.random() < 0.5 else moves(rng)
 
 
+def _within(least: float, value: float, most: float) -> float:
+    """Return a value, or the limit that it is beyond: in half the time of ``min`` and ``max``."""
+    return least if value < least else most if value > most else value
+
+
 class Joint:
     """One servo's mechanics: second-order following, friction, gravity, heat."""
 
@@ -129,30 +134,32 @@ class Joint:
         if self.is_held:
             self._push(dt)
             return
-        goal = min(max(self.goal, 0.0), 1.0)  # it does not press against its end
+        driven, position, speed = self.driven, self.position, self.speed
+        goal = _within(0.0, self.goal, 1.0)  # it does not press against its end
         if self.burden:
             goal -= DROOP * self.burden
-        if self.driven:
-            pull = self._omega * self._omega * (goal - self.position)
-            acceleration = pull - 2 * self._damping * self._omega * self.speed
-            acceleration = min(max(acceleration, -30.0), 30.0)
+        if driven:
+            pull = self._omega * self._omega * (goal - position)
+            acceleration = pull - 2 * self._damping * self._omega * speed
+            acceleration = _within(-30.0, acceleration, 30.0)
         else:
-            acceleration = -20.0 * self.speed
+            acceleration = -20.0 * speed
             if self.is_limp:
-                acceleration += FALLS * (HANGS_AT - self.position)
-        self.speed = min(max(self.speed + acceleration * dt, -1.6), 1.6)
-        self.position += self.speed * dt
-        if not 0.0 <= self.position <= 1.0:
-            self.position, self.speed = min(max(self.position, 0.0), 1.0), 0.0
+                acceleration += FALLS * (HANGS_AT - position)
+        speed = _within(-1.6, speed + acceleration * dt, 1.6)
+        position += speed * dt
+        if not 0.0 <= position <= 1.0:
+            position, speed = _within(0.0, position, 1.0), 0.0
+        self.position, self.speed = position, speed
         torque = 0.0
-        if self.driven:
-            rubbing = self._friction * self.speed / (abs(self.speed) + 0.03)
-            torque = self._inertia * acceleration + rubbing + self._gravity * (self.position - 0.3)
+        if driven:
+            rubbing = self._friction * speed / (abs(speed) + 0.03)
+            torque = self._inertia * acceleration + rubbing + self._gravity * (position - 0.3)
             if self.burden:
                 torque += self.burden
         # nobody builds a joint that its own way makes too hot: that is a fault's matter
         eased = 1.0 if self.burden else (WARMEST_DEGC - self.temperature) / EASED_K
-        self._work(torque, dt, self._heating * min(max(eased, 0.0), 1.0))
+        self._work(torque, dt, self._heating * _within(0.0, eased, 1.0))
 
     def _push(self, dt: float) -> None:
         """Push against what holds it fast."""
@@ -162,13 +169,14 @@ class Joint:
 
     def _work(self, torque: float, dt: float, heating: float) -> None:
         """Let the load follow the torque; current and warmth follow the load."""
-        self.load += (min(max(torque, -1.0), 1.0) - self.load) * dt / 0.02
-        self.current_ma = self._idle_ma + abs(self.load) * self._stall_ma
-        warmth = heating * self.load * self.load
+        load = self.load = self.load + (_within(-1.0, torque, 1.0) - self.load) * dt / 0.02
+        self.current_ma = self._idle_ma + abs(load) * self._stall_ma
+        warmth = heating * load * load
         self.temperature += (warmth - (self.temperature - AMBIENT_DEGC) / 240) * dt
         if self.heater and self.driven:
             self.temperature += self.heater * dt
-        self.strained_s = max(self.strained_s + (dt if abs(self.load) > STRAIN else -dt), 0.0)
+        if self.strained_s or abs(load) > STRAIN:
+            self.strained_s = max(self.strained_s + (dt if abs(load) > STRAIN else -dt), 0.0)
 
 
 class Rig:
