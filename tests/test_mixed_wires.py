@@ -8,14 +8,27 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.decoding.pipeline import Options
-from sniffer.ground.codes import OK
-from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.ground.codes import NO_RESPONSE, OK
+from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.merging.wires import in_order
 from sniffer.protocols import PROTOCOLS
-from sniffer.simulation import BUSES, Fault, simulate
+from sniffer.simulation import BUSES, Fault, TrueFrame, simulate
 from tests.commands import Ran, records, within
 from tests.lists import each_in_turn
-from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
+from tests.taps import (
+    MS,
+    RX,
+    START_NS,
+    TX,
+    Bus,
+    by_stamp,
+    decode,
+    heard,
+    pairs,
+    shares,
+    tap,
+    true_pairs,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -49,7 +62,7 @@ def labelled(name: str, rate: float = 0.0, seconds: float = 3) -> list[Chunk]:
     ]
 
 
-def ordered(chunks: Sequence[Chunk], size: int = 1 << 20, **options: str) -> list[Chunk]:
+def ordered(chunks: Sequence[Chunk], size: int = 1 << 20, **options: str | int) -> list[Chunk]:
     groups = [chunks[k : k + size] for k in range(0, len(chunks), size)]
     told: list[str] = []
     return [c for group in in_order(groups, Options(**options), told.append) for c in group]  # type: ignore[arg-type]
@@ -92,6 +105,37 @@ def test_lines_that_cut_requests_only_are_merged_though_no_exchange_fails(first:
     decoded = decode("mightyzap", ordered(chunks, protocol="mightyzap"), MS)
     outcomes = [o for b in decoded for o in b.transactions.outcome.tolist()]
     assert outcomes == [OK] * 100
+
+
+def text_of_two_wires(asked: Sequence[int], present: int, end: bytes) -> list[Chunk]:
+    """Return one position query of LSS after the other, each 20 ms, through two 16 ms adapters."""
+    frames: list[TrueFrame] = []
+    byte_ns = 10 * NS // 115_200
+    for k, who in enumerate(asked):
+        at = START_NS + 20 * MS * k + k * k % 13 * MS // 2
+        for kind, data in (
+            ("request", b"#%dQD" % who + end),
+            ("response", b"*%dQD900\r" % who if who <= present else b""),
+        ):
+            until = at + len(data) * byte_ns
+            frames.append(TrueFrame(at, until, data, data, kind, who, "query"))
+            at = until + MS // 2
+    taps = (tap(frames, wire, 115_200, HOST_NS, phase) for wire, phase in ((TX, 0), (RX, 7 * MS)))
+    return [replace(c, clock=Clock.FILE, bus="bus0") for c in by_stamp(*taps)]
+
+
+@pytest.mark.parametrize(
+    ("asked", "present", "end"),
+    [([5] * 100, 5, b"\r\n"), ([*range(1, 251), *[1, 2, 3] * 20], 3, b"\r")],
+    ids=["line_feeds_behind_requests", "scan_of_all_ids"],
+)
+def test_lines_are_told_to_be_mixed_whatever_goes_wrong_that_merging_does_not_mend(
+    asked: Sequence[int], present: int, end: bytes
+) -> None:
+    chunks = ordered(text_of_two_wires(asked, present, end), protocol="lss", baud=115_200)
+    assert all(any(m.kind == MarkKind.MERGED for m in c.marks) for c in chunks)
+    outcomes = [o for b in decode("lss", chunks, HOST_NS) for o in b.transactions.outcome.tolist()]
+    assert outcomes == [OK if who <= present else NO_RESPONSE for who in asked]
 
 
 @EVERY

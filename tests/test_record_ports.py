@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from sniffer.decoding.pipeline import Options
 from sniffer.ground.codes import OK
-from sniffer.ground.model import Direction, MarkKind
+from sniffer.ground.model import Chunk, Clock, Direction, MarkKind
 from sniffer.mcapfile.source import chunks
 from sniffer.ports.tty import TtyPort
-from sniffer.tap.listen import shared
+from sniffer.tap.listen import Listening, listen, shared
 from sniffer.tap.tap import PortSpec, Tap
 from tests.commands import Ran, talk, within
 from tests.recorder import (
@@ -259,3 +260,20 @@ def test_two_wires_are_one_bus_with_every_answer_behind_its_request(
     assert told_of["pair.arm"] == "two taps, merged by time and by cause and effect"
     assert (told_of["port.arm.tx"], told_of["port.arm.rx"]) == (line.path, other.path)
     assert_true_to_itself(run.path)
+
+
+def test_an_answer_that_was_read_just_before_its_request_is_its_answer(line: Terminal) -> None:
+    """A busy machine reads both ports at once, 2 ms late, the servos' first, and does not know."""
+    asked, answered = next(exchanges(1))
+    with Terminal() as other:
+        specs = [PortSpec("arm", tap.path, "mightyzap", 57600) for tap in (line, other)]
+        tapping = listen(specs, Options(), Listening(pair=True))
+        tapping.listener.stop()
+    t_ns = tapping.anchor.wall_ns
+    reads = [
+        Chunk(answered, t_ns, Clock.READ, "arm", Direction.RX),
+        Chunk(asked, t_ns + 59_000, Clock.READ, "arm", Direction.TX),
+    ]
+    merger = tapping.mergers["arm"]
+    merged = [*merger.feed(reads), *merger.close()]
+    assert [c.direction for c in merged] == [Direction.TX, Direction.RX]

@@ -16,6 +16,7 @@ from sniffer.jobs.order import merged
 from sniffer.merging.aligning import MOST, Alignment, aligned
 from sniffer.merging.answering import WireHeard, answered, are_swapped
 from sniffer.merging.merger import Merger
+from sniffer.tap.waiting import UNSAID_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -125,15 +126,20 @@ def _head(one: Input, since_ns: int = -NEVER_NS) -> Iterator[Chunk]:
 
 
 class Wires(NamedTuple):
-    """What is spoken on two wires of one bus, and by how much their stamps may lag."""
+    """What is spoken on two wires of one bus, and by how much their stamps may lag.
+
+    ``late_ns`` is by how much more a recorder came late that did not say so.
+    """
 
     protocol: BusProtocol
     baud: int
     latency_ns: int
+    late_ns: int
 
     def merger(self, bus: str) -> Merger:
         """Return what puts their chunks in order."""
-        return Merger(bus, latency_ns=self.latency_ns, baud=self.baud, protocol=self.protocol)
+        lag_ns = self.latency_ns + self.late_ns
+        return Merger(bus, latency_ns=lag_ns, baud=self.baud, protocol=self.protocol)
 
 
 def wires_of(asks: Input, says: Input, options: Options) -> Wires:
@@ -155,11 +161,11 @@ def wires_of(asks: Input, says: Input, options: Options) -> Wires:
     both = asks.options, says.options
     bauds = [baud for one in both for baud in one.bauds.values()]
     baud = options.baud or next(iter(bauds), spoken[0].baud)
+    recorded = [v for one in both for v in one.latencies.values()]
     latency = options.latency_ns
     if latency is None:
-        known = (v for one in both for v in one.latencies.values())
-        latency = max(known, default=LATENCY_NS[Clock.READ])
-    return Wires(spoken[0], baud, latency)
+        latency = max(recorded, default=LATENCY_NS[Clock.READ])
+    return Wires(spoken[0], baud, latency, UNSAID_NS if recorded else 0)
 
 
 def put_on_one_clock(asks: Input, says: Input, wires: Wires, tell: Teller, *, align: bool) -> None:

@@ -14,11 +14,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.ground.codes import NOT_EXPECTED, OK
+from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK
 from sniffer.ground.model import Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.runs import by_bus
 from sniffer.ground.timing import LATENCY_NS
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from sniffer.decoding.pipeline import Options
-    from sniffer.ground.model import Chunk
+    from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 WINDOW: Final = 4096
@@ -163,17 +165,23 @@ class _Wires:
         return Merger(self._bus, latency_ns=self._latency_ns, baud=baud, protocol=protocol)
 
     def _exchanges(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> tuple[int, int]:
-        """Return how many exchanges are whole, and how much goes wrong.
+        """Return how many exchanges are whole, and how much goes wrong that mixing can explain.
 
         A request that an answer's byte cuts is no exchange at all, only a gap: it counts as well.
+        What the controller's wire has of gaps by itself (a line feed behind each command) no order
+        mends, and neither does one mend a request that nobody answers: they do not count.
         """
-        decoder = Decoder(protocol, baud=self._baud, latency_ns=self._latency_ns)
-        decoder.take(chunks)
-        told = decoder.close()
+        told = self._decoded(protocol, chunks)
         outcome = told.transactions.outcome
         good = int((outcome == OK).sum())
-        wrong = len(outcome) - good - int((outcome == NOT_EXPECTED).sum())
-        return good, wrong + len(told.gaps)
+        lost = int(np.isin(outcome, (NO_RESPONSE, NOT_EXPECTED)).sum())
+        asked = self._decoded(protocol, [c for c in chunks if c.direction == Direction.TX])
+        return good, len(outcome) - good - lost + max(len(told.gaps) - len(asked.gaps), 0)
+
+    def _decoded(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> Batch:
+        decoder = Decoder(protocol, baud=self._baud, latency_ns=self._latency_ns)
+        decoder.take(chunks)
+        return decoder.close()
 
     def _marked(self, chunks: Iterable[Chunk]) -> list[Chunk]:
         """Add to merged chunks that they are, and by how much their stamps may lag."""

@@ -17,6 +17,7 @@ from sniffer.messages import ANCHOR
 from sniffer.ports import PortOptions, Retunable, open_port
 from sniffer.tap.reader import Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
+from sniffer.tap.waiting import UNSAID_NS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -97,7 +98,8 @@ def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tappi
     if pair:
         protocol = _spoken(specs[0], options)
         bus, baud = specs[0].bus, ways[0].baud
-        mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
+        lag_ns = latencies[bus] + UNSAID_NS
+        mergers[bus] = Merger(bus, latency_ns=lag_ns, baud=baud, protocol=protocol)
     facts = _facts(taps, told, anchor, pair)
     listener = Listener([tap.port for tap in taps], ways, anchor)
     listener.start()

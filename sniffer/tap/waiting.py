@@ -21,6 +21,11 @@ LATE_NS: Final = 3_000_000
 """Bytes that may have been there for longer than this are said to be held: beyond what a breath and
 the worker's turns cost."""
 
+UNSAID_NS: Final = 2 * LATE_NS
+"""By how much a read may be late that is not said to be held: once until the thread that reads is
+awake, and once while it reads the ports before. Which of two ports was read first is chance then.
+"""
+
 WOKEN_NS: Final = 10_000_000
 """The kernel was waited for, not the other threads, where it took longer than this."""
 
