@@ -60,7 +60,7 @@ FINDINGS: Final = (
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones; or the checksums of eight torn answers and more are right in bits 0 to 2 and wrong behind, in several ways.",
     ),
     FindingCode(
         "clock-off",
