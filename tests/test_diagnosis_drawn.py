@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.hosts import HOSTS
 from bench.diagnosis.judging import diagnosed
 from tests.lists import each_in_turn
+from tests.test_diagnosis_line import drawn
 
 
 @each_in_turn(
@@ -68,3 +71,10 @@ def test_a_second_answer_is_that_of_the_servo_that_was_asked_for_it(
     (scenario,) = scenarios(99917, name)
     told, _ = diagnosed(HOSTS[host](scenario, scenario.make(99917), 99917))
     assert [one.servo_ids for one in told if one.cause == "duplicate-id"] == [(servo,)]
+
+
+@pytest.mark.parametrize("protocol", ["rs30x", "wck", "lss"])
+def test_noise_that_comes_in_episodes_meets_episodes_of_motion_by_chance(protocol: str) -> None:
+    """Of quarters of a second that are like the ones before not each tells anew."""
+    told = drawn(f"bus-noise-episodes-{protocol}", 99927)
+    assert not told & {"damage-while-moving", "damage-behind-steps"}

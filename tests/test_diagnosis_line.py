@@ -396,10 +396,3 @@ def test_of_a_sound_line_nothing_is_told() -> None:
 
 def test_each_finding_of_the_line_is_shown() -> None:
     assert {code for code, _, _ in TOLD} == ALL
-
-
-@pytest.mark.parametrize("protocol", ["rs30x", "wck", "lss"])
-def test_noise_that_comes_in_episodes_meets_episodes_of_motion_by_chance(protocol: str) -> None:
-    """Of quarters of a second that are like the ones before not each tells anew."""
-    told = drawn(f"bus-noise-episodes-{protocol}", 99927)
-    assert not told & {"damage-while-moving", "damage-behind-steps"}

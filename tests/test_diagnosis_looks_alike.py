@@ -12,12 +12,11 @@ from sniffer.diagnosis.clocks import clock_of
 from sniffer.diagnosis.uart import heard as as_heard
 from sniffer.diagnosis.uart import sent
 from sniffer.ground.model import Clock, Direction
-from tests.conversations import Conversation, robot, swinging
+from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 from tests.servos import BEGAN_NS, heard, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_findings import volts
-from tests.test_diagnosis_tap import one_wire
 
 STATE, LOAD_AT = 0x8C, 4
 """Where a mightyZAP tells position, speed and load, and where among these the load stands."""

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 
 from sniffer.diagnosis.chances import so_alike
-from tests.conversations import Conversation, robot, swinging
+from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_beside import torn_read
 from tests.test_diagnosis_controller import collided
-from tests.test_diagnosis_tap import holes, one_wire
+from tests.test_diagnosis_tap import holes
 from tests.test_diagnosis_two_at_once import hit
 
 

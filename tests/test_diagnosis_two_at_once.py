@@ -10,12 +10,12 @@ import pytest
 from sniffer.diagnosis.misread import of_peers
 from sniffer.ground.model import Direction
 from sniffer.ground.registers import RegisterMap, schema_path
-from tests.conversations import Conversation, robot, swinging, through_usb
+from tests.conversations import Conversation, one_wire, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 from tests.servos import lss, suffering
 from tests.streams import rs30x, wck
 from tests.test_diagnosis_beside import torn_read
-from tests.test_diagnosis_tap import holes, one_wire
+from tests.test_diagnosis_tap import holes
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,10 +14,9 @@ from sniffer.decoding.sums import wrong_sums
 from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
-from tests.conversations import Conversation, robot
+from tests.conversations import Conversation, one_wire, robot
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap
-from tests.test_diagnosis_tap import one_wire
 
 if TYPE_CHECKING:
     from collections.abc import Callable
