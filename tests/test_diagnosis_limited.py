@@ -61,3 +61,12 @@ def test_a_limit_that_is_written_back_at_once_is_none() -> None:
 def test_a_joint_that_goes_on_was_not_held_back() -> None:
     told = stands("rs30x", rs30x.write(1, 0x23, b"\0"), since=10_000).diagnosed()
     assert "motor-limited-to-nothing" not in codes(told)
+
+
+@pytest.mark.parametrize("who", [1, 0xFE])
+def test_torque_that_is_switched_off_is_told_so_whoever_of_it_is_told(who: int) -> None:
+    """Nothing was known of the torque before: the recorder came later than its first order."""
+    told = stands("mightyzap", mightyzap.packet(who, 0xF3, b"\x80\0")).diagnosed()
+    (off,) = (f for f in found(told) if f.code == "goals-without-torque" and f.servo_id == 1)
+    assert "is switched off" in off.what
+    assert verdicts(told.incidents())[0] == ("torque-off", (1,))

@@ -199,10 +199,10 @@ def overload_passes(case: Case) -> Iterator[Finding]:
 
 def together(case: Case) -> Iterator[Finding]:
     """Servos that complain of the same at the same time."""
-    many = max(len(case.answering), 1)
     for code in SHARED:
         firsts = {s: case.anomalies(code, servo_id=s).t_ns for s in case.servos}
         first = {s: int(t.min()) for s, t in firsts.items() if len(t)}
+        many = len({*case.answering, *first})
         for servo, t in first.items():
             near = sum(abs(other - t) <= MOMENT_NS for other in first.values())
             if near < 2 or 2 * near < many:
@@ -213,7 +213,8 @@ def together(case: Case) -> Iterator[Finding]:
                 t,
                 t,
                 near,
-                f"{near} of {many} servos report {code.removeprefix('device-')} within a second",
+                f"servo {servo} reports {code.removeprefix('device-')} within a second of others: {near} of "
+                f"{many} servos do",
                 strength=min(near / many, 1.0),
                 brief=f"{near} servos complain at once",
             )

@@ -147,21 +147,25 @@ def ids_given_twice(case: Case) -> Iterator[Finding]:
         since = more.take(more.at > at)
         if len(since) < SECOND or len(since) < len(more):
             continue
+        to_all = servo in case.everyone
+        given = f"{'all servos are' if to_all else f'servo {servo} is'} given the id {new}"
+        were = f"{'all servos were' if to_all else f'servo {servo} was'} given the id {new}"
+        other = "" if to_all else ", which another one has"
         yield Finding(
             "id-given-twice",
             new,
             t,
             int(since.t_ns[-1]),
             len(since),
-            f"servo {servo} was given the id {new} at {case.since(t)}, which another one has: "
-            f"{len(since)} answers of {new} came second, unasked or torn since, none before",
+            f"{were} at {case.since(t)}{other}: {len(since)} answers of {new} came second, unasked "
+            "or torn since, none before",
             (
-                Place(at, length, t, f"servo {servo} is given the id {new}"),
+                Place(at, length, t, given),
                 *case.places(since, "a second answer", 2),
             ),
             strength=min(0.7 + len(since) / 20, 1.0),
-            brief=f"servo {servo} is given the id {new}, and two answer to it",
-            befell=(servo,),
+            brief=f"{given}, and two answer to it",
+            befell=() if to_all else (servo,),
         )
 
 
