@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.conversations import Conversation, robot, without_clock
-from tests.diagnosed import codes, verdicts
+from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x
 
 ID_AT, SHORT_LIMIT_AT = 0x03, 0x06
@@ -175,3 +175,20 @@ def test_a_servo_that_writes_its_memory_is_deaf_meanwhile() -> None:
     told = robot("rs30x", 16, instead=keeps).diagnosed()
     assert not told.incidents()
     assert not told.rest(()).told
+
+
+def test_of_ids_that_are_given_away_and_back_the_last_order_counts() -> None:
+    talk = Conversation("mightyzap")
+    for _ in range(3):
+        for _ in range(40):
+            talk.read(4, 0.5)
+        talk.write(mightyzap.packet(4, 0xF3, bytes([ID_AT, 9])))
+        for _ in range(5):
+            talk.read(9, 0.5)
+        talk.write(mightyzap.packet(9, 0xF3, bytes([ID_AT, 4])))
+    talk.write(mightyzap.packet(4, 0xF3, bytes([ID_AT, 9])))
+    for _ in range(6):
+        talk.read(9, 0.5)
+        talk.ask_in_vain(4)
+    told = [f for f in found(talk.diagnosed()) if f.code == "old-id-asked"]
+    assert [(f.servo_id, f.count) for f in told] == [(4, 6)]

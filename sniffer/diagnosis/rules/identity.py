@@ -96,28 +96,31 @@ SECOND: Final = 2
 def old_ids(case: Case) -> Iterator[Finding]:
     """Ids that were given away and are asked still."""
     told = case.anomalies("id-changed")
+    found: dict[int, Finding] = {}  # of several orders the last one: it may have had its id back
     for k, named in enumerate(told.servo_id.tolist()):
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
         new = _value(case, "servo_id", named, t)
-        to = "" if new is None else f" {new}"
+        to = "another id" if new is None else f"the id {new}"
+        name = "another" if new is None else str(new)
         for servo in case.answering if named in case.everyone else (named,):
             if servo == new:
                 continue
             asked, first, last = _asked_in_vain(case, servo, t)
             if asked < LEAST:
                 continue
-            yield Finding(
+            found[servo] = Finding(
                 "old-id-asked",
                 servo,
                 t,
                 last,
                 asked,
-                f"servo {servo} was given the id{to} at {case.since(t)}; {asked} requests to {servo} "
+                f"servo {servo} was given {to} at {case.since(t)}; {asked} requests to {servo} "
                 f"follow, the first {(first - t) / NS:.3f} s later, and none is answered",
-                (Place(at, length, t, f"servo {named} is given the id{to}"),),
+                (Place(at, length, t, f"servo {named} is given {to}"),),
                 strength=min(0.7 + asked / 20, 1.0),
-                brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
+                brief=f"servo {servo} becomes {name}, {servo} is asked still",
             )
+    yield from found.values()
 
 
 def _asked_in_vain(case: Case, servo: int, since_ns: int) -> tuple[int, int, int]:
