@@ -64,9 +64,10 @@ def silent_since_an_order(case: Case) -> Iterator[Finding]:
         silent = next((s for s in case.ledger.silences.of(servo) if s.back_ns is None), None)
         if silent is None or silent.missed < ENOUGH:
             continue
-        orders = _orders(case, servo, silent)[-SHOWN:]
+        orders = _orders(case, servo, silent)
         if not orders or any(one.at in named for one in orders):
             continue
+        orders = orders[-SHOWN:]
         if orders[-1].t_ns < silent.before_ns:
             continue  # it answered the loop's questions behind it
         told = " and ".join(
