@@ -148,17 +148,20 @@ def hurried(case: Case) -> Iterator[Finding]:
     has_waited = waited.low - case.latency_ns >= WAITED_NS
     if not (is_habit and has_waited and n > PIPED * case.total("ok")):
         return
+    worst = int(early.argmax())
+    servos = {exchanges.kinds.servo_id[k] for k in np.flatnonzero(early).tolist()}
+    whose = f" (all of servo {min(servos)})" if len(servos) == 1 < len(case.answering) else ""
     yield Finding(
         "answers-after-next",
         None,
         case.first_ns,
         case.last_ns,
         n,
-        f"{n} of {case.total('ok')} answers come behind the next request, which comes "
+        f"{n} of {case.total('ok')} answers{whose} come behind the next request, which comes "
         f"{waited.low / MS:.1f} ms behind the one that they answer",
-        (Place(exchanges.kinds.at[0], 1, case.first_ns, "the first request"),),
+        (Place(exchanges.kinds.at[worst], 1, exchanges.kinds.t_first[worst], "such a request"),),
         strength=min(0.5 + n / 50, 1.0),
-        brief=f"answers come behind the next request, {waited.low / MS:.1f} ms later",
+        brief=f"answers{whose} come behind the next request, {waited.low / MS:.1f} ms later",
     )
 
 
