@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from tests.conversations import Conversation
-from tests.diagnosed import found
-from tests.streams import mightyzap
+import random
+
+import pytest
+
+from tests.conversations import Conversation, swinging
+from tests.diagnosed import found, verdicts
+from tests.streams import mightyzap, wck
 
 
 def test_answers_behind_the_next_request_are_told_with_whose_they_are() -> None:
@@ -39,3 +43,23 @@ def test_servos_whose_answers_are_all_mismatched_are_counted_among_those_that_co
     told = [f.what for f in found(talk.diagnosed()) if f.code == "complaints-together"]
     assert len(told) == 2
     assert all("2 of 2 servos do" in what for what in told)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_joint_that_is_only_read_from_has_no_goal_by_a_torn_request(seed: int) -> None:
+    """WCK's sums have seven bits: a read that loses its eighth bit is a move, once in a while."""
+    talk, rng = Conversation("wck"), random.Random(seed)
+    for k in range(500):
+        for servo in (1, 2, 3):
+            request = talk.tongue.ask(servo)
+            if k == 100 and servo == 2:
+                talk.say(wck.command(1 << 5 | servo, 0))
+                talk.rest(8)
+            elif rng.random() < 0.05:
+                at, bit = rng.randrange(len(request)), 1 << rng.randrange(8)
+                talk.say(request[:at] + bytes([request[at] ^ bit]) + request[at + 1 :])
+                talk.rest(8)
+            else:
+                talk.read(servo, swinging(servo, talk.now_s))
+            talk.rest(5)
+    assert {cause for cause, _ in verdicts(talk.diagnosed().incidents())} == {"bus-noise"}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import may_be_torn
 from sniffer.diagnosis.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.hanging import hangs_behind, hangs_since_it_was_away
@@ -136,6 +137,8 @@ def following(case: Case) -> Iterator[Finding]:
     tracks = [t for t in (track(case, s) for s in case.servos) if t is not None]
     moved = any(_moves(t) for t in tracks)
     for one in tracks:
+        if may_be_torn(case, int(one.goal.n.sum())):
+            continue  # what is read from and never sent anywhere has a goal by a torn request
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
             if _is_displaced(case, one, away):
