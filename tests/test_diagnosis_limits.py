@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from tests.conversations import T0, Conversation
+from tests.conversations import T0, Conversation, swinging
 from tests.diagnosed import found
-from tests.streams import mightyzap
+from tests.streams import mightyzap, rs30x
+
+LONG_LIMIT_AT, CW_LIMIT_AT = 0x08, 0x08
+"""Addresses of mightyZAP and RS30x."""
 
 TEMPERATURE_LIMIT_AT, LOWEST_VOLTAGE_AT = 0x0B, 0x0C
 TEMPERATURE_AT, VOLTAGE_AT = 0x93, 0x92
@@ -52,3 +55,24 @@ def test_what_is_at_its_lowest_what_it_usually_is_does_not_sag() -> None:
     talk = measured(LOWEST_VOLTAGE_AT, 115, VOLTAGE_AT, 110)
     (finding,) = (f for f in found(talk.diagnosed()) if f.code == "voltage-sag")
     assert finding.brief == "supply of servo 1 is below its limit, 11.5 V: 11 V"
+
+
+@pytest.mark.parametrize(
+    ("protocol", "request_"),
+    [
+        ("mightyzap", mightyzap.packet(1, 0xF3, bytes([LONG_LIMIT_AT, 0xE8, 3]))),
+        ("rs30x", rs30x.write(1, CW_LIMIT_AT, (300).to_bytes(2, "little"))),
+    ],
+)
+def test_of_two_limits_the_one_that_nobody_said_is_as_shipped(
+    protocol: str, request_: bytes
+) -> None:
+    talk = Conversation(protocol)
+    for k in range(400):
+        talk.until(k / 40)
+        if k == 200:
+            talk.write(request_)
+        talk.send(1, swinging(1, talk.now_s))
+        talk.read(1, 0.3)
+    (told,) = (f for f in found(talk.diagnosed()) if f.code == "goal-beyond-limits")
+    assert told.first_ns >= T0 + 5_000_000_000

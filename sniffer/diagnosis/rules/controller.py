@@ -176,27 +176,32 @@ def _surely_beyond(goals: Series, rows: I64, low: float, high: float) -> int:
 
 
 def _limits(case: Case, servo: int, goal: Register) -> tuple[float, float, int] | None:
-    """Return the widest limits that the servo had, in the goal's unit; None: not both are known.
+    """Return the widest limits that the servo had, in the goal's unit; None: they are not known.
 
     And since when they are known: what was read was so before, what was written only since then.
+    Of two the one that was never said is as shipped.
     """
     registers = case.protocol.registers
-    names = sorted(
-        {r.name for r in registers if r.bounds == goal.quantity and r.model == goal.model}
-    )
-    found = [case.settings(name, servo_id=servo) for name in names]
-    if not found or not all(len(rows) for rows in found):
+    named = {r.name: r for r in registers if r.bounds == goal.quantity and r.model == goal.model}
+    told = {name: case.settings(name, servo_id=servo) for name in sorted(named)}
+    found = [rows for rows in told.values() if len(rows)]
+    unsaid = [named[name] for name, rows in told.items() if not len(rows)]
+    shipped = [r.default * r.scale for r in unsaid if r.default is not None]
+    if not found or len(shipped) < len(unsaid):
         return None
+    if unsaid and may_be_torn(case, sum(map(len, found))):
+        return None  # who sets limits sets both, or reads them
     written = {at for rows in found for at in rows.at[rows.written == 1].tolist()}
     if written and may_be_torn(case, len(written)):
         return None  # an answer is to the question; a write may be any frame, torn and held
-    values = [
+    said = [
         raw * registers[number].scale
         for rows in found
         for number, raw in zip(rows.what.tolist(), rows.after.tolist(), strict=True)
         if registers[number].model == goal.model
     ]
-    if not values or min(values) == max(values):
+    values = said + shipped
+    if not said or min(values) == max(values):
         return None
     firsts = [(int(rows.t_ns[0]), bool(rows.written[0])) for rows in found]
     since_ns = max((t_ns for t_ns, is_written in firsts if is_written), default=0)
