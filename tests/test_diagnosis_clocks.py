@@ -98,17 +98,12 @@ def test_what_else_tears_all_answers_of_the_only_servo_is_no_clock(
 
 def ends_late(said: bytes) -> bytes:
     """A clock that is so little off that the last bits of the last byte alone are misread."""
-    return said[:-1] + bytes((said[-1] ^ (0x08, 0x30, 0x50, 0xE0)[sum(said) % 4],))
+    return said[:-1] + bytes((said[-1] ^ (0x08, 0x30, 0x50, 0xE0)[said[-2] % 4],))
 
 
 def anyhow(said: bytes) -> bytes:
     """Something spoils the last byte in any of its bits."""
-    return said[:-1] + bytes((said[-1] ^ (0x01, 0x32, 0x56, 0xE4)[sum(said) % 4],))
-
-
-def one_bit(said: bytes) -> bytes:
-    """Always the same bit of the last byte is misread, and no other: that is no clock."""
-    return said[:-1] + bytes((said[-1] ^ 0x40,))
+    return said[:-1] + bytes((said[-1] ^ (0x01, 0x32, 0x56, 0xE4)[said[-2] % 4],))
 
 
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
@@ -119,7 +114,6 @@ def test_where_no_answer_was_ever_whole_checksums_tell_which_bits_are_misread(
     assert "last-bits" in codes(told)
     assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
     assert "last-bits" not in codes(answering(protocol, anyhow).diagnosed())
-    assert "last-bits" not in codes(answering(protocol, one_bit).diagnosed())
 
 
 def ask_the_fast_one(talk: Conversation, servo: int, place: float) -> None:
