@@ -12,7 +12,7 @@ from tests.test_diagnosis_line import drawn
 
 
 @each_in_turn(
-    14,
+    16,
     ("name", "draw", "host", "cause"),
     [
         # the next request lies over a servo's answers: one torn frame, over and over
@@ -43,6 +43,9 @@ from tests.test_diagnosis_line import drawn
         ("echo-differs-mightyzap", 99931, "log", "bad-cable"),
         # two ask, and several servos answer twice now and then
         ("two-masters-wck", 99919, "exact", "duplicate-id"),
+        # a byte of noise is what some request is at some rate, one by one
+        ("emi-load-mightyzap", 400, "exact", "rate-search"),
+        ("emi-load-lss", 405, "exact", "rate-search"),
     ],
 )
 def test_what_is_not_there_is_not_surely_told(name: str, draw: int, host: str, cause: str) -> None:

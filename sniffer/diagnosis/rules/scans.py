@@ -33,6 +33,9 @@ FULL: Final = 6
 VALUES, NO_FALLS = 3, 2
 """Bytes that are no chance, of so many values; a line that falls low for a moment makes some of them."""
 
+SHORTEST: Final = 2
+"""Bytes that a request is heard as, at the least: noise is any byte, one by one."""
+
 LEAST, RATES = 3, 2
 """Requests that were heard at another rate, and rates, that make a search."""
 
@@ -74,6 +77,11 @@ def rates_tried(case: Case) -> Iterator[Finding]:
     requests = sum(one.n for one in seen)
     if requests < LEAST or len(bauds) < RATES:
         return
+    then = (case.answers["t_first"] >= seen[0].run.t_ns) & (
+        case.answers["t_last"] <= seen[-1].run.t_ns
+    )
+    if case.answers["ok"][then].sum() > requests:
+        return  # a conversation goes on meanwhile: who searches has found nobody yet
     first_ns, last_ns = seen[0].run.t_ns - BEFORE_NS, seen[-1].run.t_ns + BEFORE_NS
     near = (case.line["t_first"] >= first_ns) & (case.line["t_first"] <= last_ns)
     if case.line["gap_bytes"][near].sum() < NEARLY * total:
@@ -102,7 +110,8 @@ def _at_rate(
     """Yield where runs are known requests in a row, as they are heard if sent at another rate."""
     if 1 / APART < mine / baud < APART:
         return
-    images = sorted({_heard(one, mine, baud) for one in known} - {b""}, key=len, reverse=True)
+    heard_as = {_heard(one, mine, baud) for one in known}
+    images = sorted((i for i in heard_as if len(i) >= SHORTEST), key=len, reverse=True)
     if not images:
         return
     one = re.compile(b"|".join(map(re.escape, images)), re.DOTALL)
