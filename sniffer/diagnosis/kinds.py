@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.keys import SLOTS, slots
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
@@ -20,13 +21,6 @@ KINDS: Final = 1024
 ODD: Final = MALFORMED | UNKNOWN | UNUSUAL
 """Flags of requests that are not as the manual has them."""
 
-_SLOTS: Final = 1 << 16
-
-_STEPS: Final = tuple(
-    np.uint64(step) for step in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
-)
-"""Odd numbers of 64 bits, by which keys are spread over the slots. Source: primes of xxHash."""
-
 
 class RequestKinds:
     """Numbers kinds in the order in which they are met.
@@ -35,7 +29,7 @@ class RequestKinds:
     """
 
     def __init__(self) -> None:
-        self._number = np.full(_SLOTS, -1, np.int64)
+        self._number = np.full(SLOTS, -1, np.int64)
         self.servo_id: list[int] = []
         self.op: list[int] = []
         self.address: list[int] = []
@@ -69,12 +63,8 @@ class RequestKinds:
     def add(self, batch: Batch, asks: I64) -> I64:
         """Count the requests in some rows of a batch; return the kind of each, -1: one too many."""
         f = batch.frames
-        key = f.op[asks].view(np.uint64) * _STEPS[0]
-        key ^= f.address[asks].view(np.uint64) * _STEPS[1]
-        key ^= (
-            f.servo_id[asks].astype(np.uint64) << np.uint64(8) | (f.flags[asks] & ODD)
-        ) * _STEPS[2]
-        slot = (key >> np.uint64(48) ^ (key >> np.uint64(20) & np.uint64(0xFFFF))).astype(np.int64)
+        who = f.servo_id[asks].astype(np.int64) << 8 | (f.flags[asks] & ODD)
+        slot = slots(f.op[asks], f.address[asks], who)
         kind = self._number[slot]
         if (kind < 0).any() and len(self) < KINDS:
             new = np.flatnonzero(kind < 0)

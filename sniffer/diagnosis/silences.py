@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.keys import SLOTS, slots
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK
 from sniffer.ground.model import NEVER_NS
 
@@ -32,12 +33,6 @@ IDS: Final = 257
 TORN: Final = 4
 """Of so many requests that had no answer one may seem to have a torn one: what noise leaves behind
 a request to a dead servo is no answer."""
-
-_SLOTS: Final = 1 << 16
-"""Questions are told apart by command and address; two that share a slot count as one."""
-
-_OPS, _ADDRESSES = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
-"""Odd numbers of 64 bits that spread questions over the slots. Source: primes of xxHash."""
 
 SEVERAL: Final = -1
 """Stands for the question of a stretch in which several were asked."""
@@ -94,8 +89,8 @@ class Silences:
         """The last request to each servo that was not left without an answer."""
         self.heard: set[int] = set()
         """Servos that answered at least once."""
-        self._is_known = np.zeros(_SLOTS, bool)
-        """Which questions were answered at least once, by whomever."""
+        self._is_known = np.zeros(SLOTS, bool)
+        """Which questions (commands and addresses) were answered at least once, by whomever."""
 
     def add(self, batch: Batch) -> None:
         """Take the exchanges of a batch."""
@@ -106,7 +101,7 @@ class Silences:
         frames, rows = batch.asking(t.request[told])
         servo, outcome = frames.servo_id[rows].astype(np.int64), t.outcome[told]
         answered = outcome == OK
-        question = _questions(frames, rows)
+        question = slots(frames.op[rows], frames.address[rows])
         self._is_known[question[outcome != NO_RESPONSE]] = True
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
@@ -252,13 +247,6 @@ def of_one_length(some: Sequence[Silence], slack_ns: int) -> Mask:
     holds = (low <= low[:, None]) & (low[:, None] <= high)
     best: Mask = holds[int(holds.sum(axis=1).argmax())]
     return best
-
-
-def _questions(frames: Frames, rows: I64) -> I64:
-    """Return a number for what is asked in each of some rows, whoever is asked."""
-    key = frames.op[rows].view(np.uint64) * _OPS ^ frames.address[rows].view(np.uint64) * _ADDRESSES
-    question: I64 = (key >> np.uint64(48)).astype(np.int64)
-    return question
 
 
 def _silence(base: int, frames: Frames, row: int, missed: int) -> Silence:
