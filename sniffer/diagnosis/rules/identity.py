@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import LINE, Finding, Place
+from sniffer.diagnosis.told import told_to
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.diagnosis.silences import Silence
 
 CUT_IT_OFF: Final = (
     "Decode what comes behind it by the rate that was given, as a capture of its own: cut it off "
@@ -188,24 +188,9 @@ def old_rates(case: Case) -> Iterator[Finding]:
         t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
         to_all = servo in case.everyone
         for one in case.answering if to_all else (servo,):
-            silent = _silent_since(case, one, t)
-            if silent is None:
-                continue
             rate = _rate(case, _value(case, "baud", servo, t))
-            yield Finding(
-                "silent-at-old-rate",
-                one,
-                t,
-                case.last_ns,
-                silent.missed,
-                f"servo {one} was told {rate} at {case.since(t)}, and answers none of "
-                f"{silent.missed} requests since {case.since(silent.first_ns)}",
-                (
-                    Place(at, length, t, f"servo {one} is told {rate}"),
-                    Place(silent.at, silent.length, silent.first_ns, "no answer"),
-                ),
-                brief=f"servo {one} is told {rate} and falls silent",
-            )
+            place = Place(at, length, t, f"servo {one} is told {rate}")
+            yield from _silent_since(case, "silent-at-old-rate", one, rate, place)
 
 
 def torn_since(case: Case) -> Iterator[Finding]:
@@ -245,41 +230,21 @@ def other_modes(case: Case) -> Iterator[Finding]:
         register = case.protocol.registers[what]
         mode = f"{register.name} {register.values.get(value, value)}"
         for one in case.answering if servo in case.everyone else (servo,):
-            silent = _silent_since(case, one, t)
-            if silent is not None:
-                yield Finding(
-                    "silent-in-other-mode",
-                    one,
-                    t,
-                    case.last_ns,
-                    silent.missed,
-                    f"servo {one} was told {mode} at {case.since(t)}, and answers none of "
-                    f"{silent.missed} requests since {case.since(silent.first_ns)}",
-                    (
-                        Place(at, length, t, f"servo {one} is told {mode}"),
-                        Place(silent.at, silent.length, silent.first_ns, "no answer"),
-                    ),
-                    brief=f"servo {one} is told {mode} and falls silent",
-                )
+            place = Place(at, length, t, f"servo {one} is told {mode}")
+            yield from _silent_since(case, "silent-in-other-mode", one, mode, place)
 
 
 def reads_unanswered(case: Case) -> Iterator[Finding]:
     """Servos that are read from though they were told to answer no reads."""
     counted = case.ledger.unanswered_reads.counted()
-    told = case.settings("feedback")
     columns = ("servo_id", "n", "t_first", "t_last", "at", "length")
     for servo, n, first, last, at, length in zip(
         *(counted[name].tolist() for name in columns), strict=True
     ):
-        if n < LEAST:
-            continue
-        names = {servo, *case.everyone}
-        before = [
-            k for k in np.flatnonzero(told.t_ns <= first).tolist() if int(told.servo_id[k]) in names
-        ]
-        if not before or int(told.after[before[-1]]) != NO_READS:
+        told = told_to(case, servo, "feedback")
+        k = int((told.t_ns <= first).sum()) - 1
+        if n < LEAST or k < 0 or int(told.after[k]) != NO_READS:
             continue  # its answers are not expected for another reason: an echo stands there
-        k = before[-1]
         since, how = int(told.t_ns[k]), "is told" if told.written[k] else "says"
         register = case.protocol.registers[int(told.what[k])]
         mode = f"{register.name} {register.values.get(NO_READS, NO_READS)}"
@@ -305,14 +270,27 @@ def reads_unanswered(case: Case) -> Iterator[Finding]:
         )
 
 
-def _silent_since(case: Case, servo: int, t_ns: int) -> Silence | None:
-    """Return the silence of a servo that began behind a moment and lasts to the end, if any.
+def _silent_since(case: Case, code: str, servo: int, told: str, place: Place) -> Iterator[Finding]:
+    """Find the silence of a servo to the end that began when it was told something, if any.
 
     What is kept without power becomes true with the next start, on some servos.
     """
+    t = place.t_ns
     spells = [s for s in case.ledger.silences.of(servo) if s.back_ns is None]
-    silent = [s for s in spells if s.first_ns >= t_ns - NS and s.missed >= LEAST]
-    return silent[0] if silent else None
+    silent = next((s for s in spells if s.first_ns >= t - NS and s.missed >= LEAST), None)
+    if silent is None:
+        return
+    yield Finding(
+        code,
+        servo,
+        t,
+        case.last_ns,
+        silent.missed,
+        f"servo {servo} was told {told} at {case.since(t)}, and answers none of {silent.missed} "
+        f"requests since {case.since(silent.first_ns)}",
+        (place, Place(silent.at, silent.length, silent.first_ns, "no answer")),
+        brief=f"servo {servo} is told {told} and falls silent",
+    )
 
 
 def _since(case: Case, servo: int, t_ns: int) -> tuple[int, int, int, int]:

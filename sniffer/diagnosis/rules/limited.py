@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.told import told_to
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.events import Happenings
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.tracks import Away
 
@@ -42,51 +44,37 @@ BEFORE_NS: Final = 2 * NS
 """How long before a joint is seen to stand it may have been told: its goal moves on first."""
 
 
-class _ToldNothing(NamedTuple):
-    """Where a register was last stated before some time, and what it was."""
-
-    t_ns: int
-    at: int
-    length: int
-    register: int
-
-
 def limited(case: Case) -> Iterator[Finding]:
     """Find joints that do not follow since a limit of their motor is 0."""
     for servo in case.servos:
         joint = track(case, servo)
-        for away in joint.away if joint is not None else ():
-            told = _nothing(case, servo, away)
-            if told is None:
-                continue
-            name = case.protocol.registers[told.register].name
-            yield Finding(
-                "motor-limited-to-nothing",
-                servo,
-                told.t_ns,
-                away.last_ns,
-                1,
-                f"servo {servo} was told {name} 0 at {case.since(told.t_ns)}, and follows no goal since",
-                (Place(told.at, told.length, told.t_ns, f"{name} is set to 0"),),
-                brief=f"servo {servo} is told {name} 0",
-            )
-            break
+        stands = ((away, _nothing(case, servo, away)) for away in (joint.away if joint else ()))
+        away, told = next(((away, told) for away, told in stands if len(told)), (None, None))
+        if away is None or told is None:
+            continue
+        t, at, length, what = (int(x[-1]) for x in (told.t_ns, told.at, told.length, told.what))
+        name = case.protocol.registers[what].name
+        yield Finding(
+            "motor-limited-to-nothing",
+            servo,
+            t,
+            away.last_ns,
+            1,
+            f"servo {servo} was told {name} 0 at {case.since(t)}, and follows no goal since",
+            (Place(at, length, t, f"{name} is set to 0"),),
+            brief=f"servo {servo} is told {name} 0",
+        )
 
 
-def _nothing(case: Case, servo: int, away: Away) -> _ToldNothing | None:
-    """Return the write of 0 that a joint stands since, if it was not undone before it stood."""
-    best: _ToldNothing | None = None
-    for who in (servo, *case.everyone):
-        told = case.settings(*LIMITS, servo_id=who)
-        for register in np.unique(told.what).tolist():
-            mine = np.flatnonzero((told.what == register) & (told.t_ns <= away.last_ns))
-            k = int(mine[-1]) if len(mine) else -1
-            if k < 0 or told.after[k] != 0 or not told.written[k]:
-                continue
-            if told.t_ns[k] < away.first_ns - BEFORE_NS:
-                continue
-            best = _ToldNothing(int(told.t_ns[k]), int(told.at[k]), int(told.length[k]), register)
-    return best
+def _nothing(case: Case, servo: int, away: Away) -> Happenings:
+    """Return the writes of 0 that a joint stands since, those that were undone left out."""
+    told = told_to(case, servo, *LIMITS)
+    told = told.take(told.t_ns <= away.last_ns)
+    last = told.take(
+        np.array([told.what[k] not in told.what[k + 1 :] for k in range(len(told))], bool)
+    )
+    is_nothing = (last.after == 0) & (last.written == 1)
+    return last.take(is_nothing & (last.t_ns >= away.first_ns - BEFORE_NS))
 
 
 RULES: Final[tuple[Rule, ...]] = (limited,)

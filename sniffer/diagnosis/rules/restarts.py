@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import episodes, runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.joints import ALARMS
+from sniffer.diagnosis.told import told_to
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.codes import MEASURED
 from sniffer.ground.model import NEVER_NS, NS
@@ -149,12 +150,7 @@ class _Off(NamedTuple):
 
 def _offs(case: Case, servo: int) -> list[_Off]:
     """Return the times in which the torque register is known to be off."""
-    h = case.settings("torque_enable")
-    own = h.servo_id == servo
-    # what all are told stands for one of which nothing was known yet, too
-    to_all = np.isin(h.servo_id, case.everyone) & ~np.isin(h.at, h.at[own])
-    h = h.take(np.flatnonzero(own | to_all))
-    h = h.take(np.argsort(h.at, kind="stable"))
+    h = told_to(case, servo, "torque_enable")
     out: list[_Off] = []
     for k in range(len(h)):
         if h.after[k] == 1 or (k and h.after[k - 1] != 1 and h.before[k] != 1):
