@@ -11,7 +11,7 @@ from sniffer.diagnosis.refusals import OPS
 from sniffer.ground.codes import IF_READ, NOT_EXPECTED, OK, Reply
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Frames
 
 _COLUMNS: Final = {
     "n": "sum",
@@ -38,14 +38,8 @@ class OptionalAnswers:
         if not free.any():
             return
         rows, asked = t.response[rows[free]], asked[free]
-        self.counts.add(
-            (f.servo_id[rows].astype(np.int64) + 1) * OPS + (frames.op[asked] & OPS - 1),
-            n=1,
-            at=f.start[rows] + batch.base,
-            length=f.length[rows],
-            t_first=f.t_end[rows],
-            t_last=f.t_end[rows],
-        )
+        who = (f.servo_id[rows].astype(np.int64) + 1) * OPS
+        _count(self.counts, who + (frames.op[asked] & OPS - 1), f, rows, batch.base)
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``servo_id`` and ``op`` (its last 32 bits)."""
@@ -67,16 +61,22 @@ class UnansweredReads:
         asked = asked[frames.reply[asked] == IF_READ]
         if not len(asked):
             return
-        self.counts.add(
-            frames.servo_id[asked].astype(np.int64),
-            n=1,
-            at=frames.start[asked] + batch.base,
-            length=frames.length[asked],
-            t_first=frames.t_end[asked],
-            t_last=frames.t_end[asked],
-        )
+        who = frames.servo_id[asked].astype(np.int64)
+        _count(self.counts, who, frames, asked, batch.base)
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``servo_id``."""
         key, columns = self.counts.table()
         return {**columns, "servo_id": key}
+
+
+def _count(counts: Buckets, key: I64, frames: Frames, rows: I64, base: int) -> None:
+    """Count frames in by some key."""
+    counts.add(
+        key,
+        n=1,
+        at=frames.start[rows] + base,
+        length=frames.length[rows],
+        t_first=frames.t_end[rows],
+        t_last=frames.t_end[rows],
+    )

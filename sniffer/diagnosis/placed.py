@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.silences import Silence
 
 SHOWN: Final = 3
 """Places that a finding shows of many."""
@@ -32,6 +33,13 @@ def single(case: Case, servo: int) -> int | None:
     """Return a servo, None where all or several are meant."""
     known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
     return servo if known and servo not in case.everyone else None
+
+
+def silent(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
+    """Return a finding of stretches in which a servo answered nothing, without places."""
+    return Finding(
+        code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
+    )
 
 
 def finding_of(

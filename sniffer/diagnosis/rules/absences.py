@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.placed import silent
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.model import Finding
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
     from sniffer.ground.model import I64, Mask
@@ -110,7 +111,7 @@ def tears(case: Case) -> Iterator[Finding]:
         is_whole = torn * HARDLY <= len(runs)
         if not (is_habit or len(runs) > OFTEN) or not (is_whole or torn >= max(2, len(runs) / 10)):
             continue
-        yield _told(
+        yield silent(
             "away-without-a-tear" if is_whole else "torn-when-away",
             servo,
             runs,
@@ -131,7 +132,7 @@ def for_long(case: Case) -> Iterator[Finding]:
         if long:
             took = max(s.lasted_ns for s in long) / NS
             what = f"servo {servo} answered nothing for {took:.0f} s, and then again"
-            yield _told("away-for-long", servo, long, what, 1.0)
+            yield silent("away-for-long", servo, long, what, 1.0)
 
 
 def _would_tear(case: Case, servo: int, runs: Sequence[Silence]) -> float:
@@ -166,7 +167,7 @@ def together(case: Case) -> Iterator[Finding]:
                 f"{both[other]} of {len(mine)} times that servo {servo} was away, servo {other} "
                 f"was, too"
             )
-            yield _told("others-away-too", servo, mine, what, min(both[other] / len(mine), 1.0))
+            yield silent("others-away-too", servo, mine, what, min(both[other] / len(mine), 1.0))
             continue
         other = max(others, key=lambda o: len(others[o]))
         lost = len(others[other]) + case.total("damaged", other)
@@ -178,10 +179,10 @@ def together(case: Case) -> Iterator[Finding]:
                 f"servo {servo} was away once, and {len(habit)} others "
                 f"{sum(len(others[o]) for o in habit)} times"
             )
-            yield _told("others-away-too", servo, mine, what, LESS)
+            yield silent("others-away-too", servo, mine, what, LESS)
         elif min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
             what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
-            yield _told("others-away-too", servo, mine, what, LESS)
+            yield silent("others-away-too", servo, mine, what, LESS)
 
 
 def _all_at_once(case: Case) -> Iterator[Finding]:
@@ -200,7 +201,7 @@ def _all_at_once(case: Case) -> Iterator[Finding]:
         return
     for servo, mine in runs.items():
         what = f"in {both[servo]} of {len(mine)} silences of servo {servo} all {len(runs)} are away"
-        yield _told("all-away-at-once", servo, mine, what, 1.0)
+        yield silent("all-away-at-once", servo, mine, what, 1.0)
 
 
 def _overlapping(some: Sequence[Silence], others: Sequence[Silence]) -> Mask:
@@ -249,7 +250,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             continue  # it is read, or switched, off meanwhile
         if any(a.last_ns > back and a.first_ns < until for a in joint.away):
             continue
-        yield _told(
+        yield silent(
             "torque-survives",
             servo,
             runs,
@@ -265,12 +266,6 @@ def _stated(case: Case, servo: int, first_ns: int, until_ns: int) -> int:
     stated = [case.series(who, "torque_enable") for who in (servo, *case.everyone)]
     return sum(
         int(one.n[(one.t >= first_ns) & (one.t_first <= until_ns)].sum()) for one in stated if one
-    )
-
-
-def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
-    return Finding(
-        code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
     )
 
 

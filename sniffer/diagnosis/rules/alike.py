@@ -25,7 +25,7 @@ FINDINGS: Final = (
         "all-miss-alike",
         "pairing",
         "All servos leave requests unanswered now and then, one as often as the other, and hardly anything is torn.",
-        "Two servos and more, twenty missing answers and more, five of each; no servo misses more or fewer than chance gives, silences are as short as chance makes them, and at most a tenth as many bytes are torn as answers are missing.",
+        "Two servos and more, twenty missing answers and more, five of each; no servo misses more or fewer than chance gives, silences are as short as chance makes them, and at most a tenth as many places are torn as answers are missing.",
         remedy=WHAT_THEY_SHARE,
         settle=WHAT_THEY_SHARE,
     ),
@@ -38,7 +38,7 @@ MOST: Final = 0.5
 """Part of the requests that may be missing: who misses more is mostly away."""
 
 DEVIATIONS: Final = 3.0
-"""How far from what chance gives the servos may be apart, or their silences longer."""
+"""How far from what chance gives the servos may be apart."""
 
 LONGER: Final = 1.2
 """How many times longer than by chance the stretches without an answer may be."""

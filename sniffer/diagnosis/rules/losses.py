@@ -166,7 +166,7 @@ def torn_requests(case: Case) -> Iterator[Finding]:
 def altered_requests(case: Case) -> Iterator[Finding]:
     """Requests that are altered here, and are answered all the same."""
     altered = [d for d in case.damages if d.turn == IN_REQUEST and d.kind == CHECKSUM]
-    complaints = set(case.anomalies("device-checksum").at.tolist())
+    complaints = _complaints(case)
     answered = [d for d in altered if d.then is None and d.at + d.length not in complaints]
     if len(answered) >= max(ENOUGH, MOST * len(altered)):
         yield _told(
@@ -335,10 +335,14 @@ def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     """Return those with a sound answer right behind that was no complaint."""
     # a late answer is told of by its request, which may stand there, too
     rows = case.anomalies("unsolicited-response", "mismatched-response", "duplicate-response")
-    complaints = set(case.anomalies("device-checksum").at.tolist())
-    behind = set(rows.at.tolist()) - complaints
+    behind = set(rows.at.tolist()) - _complaints(case)
     # where the end of a request stands for an answer, the answer to that request is the next
     return [d for d in torn if d.at + d.length in behind or (d.turn == IN_REPLY and d.is_answered)]
+
+
+def _complaints(case: Case) -> set[int]:
+    """Return where servos say that what they heard was torn."""
+    return set(case.anomalies("device-checksum").at.tolist())
 
 
 def _end_anywhere(torn: Sequence[Damage], known: Sequence[bytes]) -> bool:

@@ -11,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, may_be_torn, sureness
 from sniffer.diagnosis.exchanges import FIRST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import silent
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def one_question(case: Case) -> Iterator[Finding]:
         if _comes_first(case, servo, kind) and _loses_others(exchanges.failed, servo, kind):
             continue
         which = _question_at(case, next(run for run in runs if kind_at[run.at] == kind))
-        told = _told(
+        told = silent(
             "one-question-unanswered",
             servo,
             runs,
@@ -101,7 +102,7 @@ def unknown_question(case: Case) -> Iterator[Finding]:
         if asked < TWICE or may_be_torn(case, asked):
             continue
         which = _question_at(case, vain[0])
-        told = _told(
+        told = silent(
             "one-question-unanswered",
             servo,
             vain,
@@ -169,12 +170,6 @@ def _in_vain(failed: Sequence[Failed], servo: int, runs: Sequence[Silence]) -> b
             known += 1
             vain += len(lost) > 1 and lost[0].is_again and not lost[-1].is_again
     return vain > OFTEN and vain >= SAME_QUESTION * known
-
-
-def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
-    return Finding(
-        code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
-    )
 
 
 RULES: Final[tuple[Rule, ...]] = (one_question, unknown_question)

@@ -127,9 +127,9 @@ def temperature(case: Case) -> Iterator[Finding]:
     for servo, t in known.items():
         if t is None or len(t) < 2:
             continue
-        limit, of, since_ns = _limit(case, servo)
-        hot = np.flatnonzero((t.low >= limit - NEAR_DEGC) & (t.t_first >= since_ns))
-        of_it = Limit(limit, since_ns).told(case)
+        bound, of = _limit(case, servo)
+        limit = bound.value
+        hot = np.flatnonzero((t.low >= limit - NEAR_DEGC) & (t.t_first >= bound.since_ns))
         if len(hot) > 1:
             most = float(t.high[hot].max())
             yield Finding(
@@ -138,7 +138,7 @@ def temperature(case: Case) -> Iterator[Finding]:
                 int(t.t_first[hot[0]]),
                 int(t.t[hot[-1]]),
                 len(hot),
-                f"servo {servo} measures {t.told(most)}, {of} {t.told(limit)}{of_it}",
+                f"servo {servo} measures {t.told(most)}, {of} {t.told(limit)}{bound.told(case)}",
                 _places(t, hot[:2]),
                 strength=1.0 if most >= limit else 0.75,
                 brief=f"servo {servo} is at {t.told(most)}",
@@ -182,7 +182,7 @@ def _above(case: Case, servo: int, t: Series, others: Sequence[float]) -> Iterat
     if not runs(above, t.t, ABOVE_NS):
         return
     most = float(t.high[rows].max())
-    limit, of, _ = _limit(case, servo)
+    (limit, _), of = _limit(case, servo)
     yield Finding(
         "hotter-than-others",
         servo,
@@ -204,7 +204,7 @@ def saved_while_cool(case: Case) -> Iterator[Finding]:
         if t is None or not len(told):
             continue
         row = int(np.searchsorted(t.t_first, told.t_ns[0], "right")) - 1
-        limit, of, _ = _limit(case, servo)
+        (limit, _), of = _limit(case, servo)
         if row < 0 or told.t_ns[0] - t.t[row] > FRESH_NS or t.high[row] > limit - COOL_DEGC:
             continue
         yield Finding(
@@ -256,7 +256,7 @@ def hot_times(case: Case, servo: int) -> I64:
     t = case.series(servo, "temperature")
     if t is None:
         return np.empty(0, np.int64)
-    limit, _, since_ns = _limit(case, servo)
+    (limit, since_ns), _ = _limit(case, servo)
     return t.t[(t.low >= limit - NEAR_DEGC) & (t.t_first >= since_ns)]
 
 
@@ -266,8 +266,8 @@ def _climbs(mean: np.ndarray) -> bool:
     return len(steps) > 2 and float(steps.max()) < 0.6 * float(mean[-1] - mean[0])
 
 
-def _limit(case: Case, servo: int) -> tuple[float, str, int]:
-    """Return the limit, what is said of it, and since when it holds."""
+def _limit(case: Case, servo: int) -> tuple[Limit, str]:
+    """Return the limit, and what is said of it."""
     model, _ = case.ledger.models.get(servo, ("", 0))
     limits = [
         (index, register)
@@ -277,10 +277,10 @@ def _limit(case: Case, servo: int) -> tuple[float, str, int]:
     for index, register in sorted(limits, key=lambda one: one[1].model != model):
         told = limit_told(case, servo, index)
         if told is not None and told.value > 0:
-            return told.value, "its limit is", told.since_ns
+            return told, "its limit is"
         if register.default is not None:
-            return register.default * register.scale, "the limit as shipped is", 0
-    return HOT_DEGC, "most servos' limit is about", 0
+            return Limit(register.default * register.scale, 0), "the limit as shipped is"
+    return Limit(HOT_DEGC, 0), "most servos' limit is about"
 
 
 def load(case: Case) -> Iterator[Finding]:
