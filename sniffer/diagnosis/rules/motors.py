@@ -132,7 +132,7 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     ways = [(np.mean(list(known.values()), axis=0), "how hard the motors work")]
     if "goal_position" in known:
         ways.append((known["goal_position"], "how far goals jump"))
-    told = [(_beyond(level, hits, said), level, what) for level, what in ways]
+    told = [(beyond_chance(level, hits, said), level, what) for level, what in ways]
     (correlated, counted, shifted), level, what = max(told, key=lambda one: one[0])
     is_moved = correlated >= CORRELATED and counted >= COUNTED and shifted >= SHIFTED
     # a motor that holds works as well: where that is measured, motion alone does not tell
@@ -237,7 +237,7 @@ def _goal_steps(case: Case) -> I64:
     return alone
 
 
-def _beyond(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
+def beyond_chance(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
     """Return how far damage goes with a level beyond chance, in standard deviations, three ways."""
     usual = hits.sum() * said / max(said.sum(), 1.0)
     more = hits - usual
@@ -259,7 +259,7 @@ def _apart(one: F64, other: F64) -> float:
     Bartlett's formula for rows whose buckets are like the ones before.
     """
     lasts = max(_persistence(one) * _persistence(other), 0.0)
-    return len(one) * (1 - lasts) / (1 + lasts)
+    return max(len(one) * (1 - lasts) / (1 + lasts), 1.0)
 
 
 def _persistence(row: F64) -> float:

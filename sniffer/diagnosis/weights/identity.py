@@ -6,6 +6,12 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import Weight, for_
 
+_GONE: Final = (
+    ("goes-on-unanswered", 0.2, "the controller goes on without it"),
+    ("supply-steady", 0.1, "its supply was in order"),
+)
+"""What goes with a servo that is heard no more, and does not say why."""
+
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "id-changed",
@@ -14,8 +20,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("silent-since", 1.4, "the old id is silent since"),
         ("never-answered", 1.2, "the old id does not answer"),
         ("no-response", 0.6, "the old id is asked still"),
-        ("goes-on-unanswered", 0.2, "the controller goes on without it"),
-        ("supply-steady", 0.1, "its supply was in order"),
+        *_GONE,
         ("duplicate-response", 0.2, "the new id was another servo's already"),
     ),
     *for_(
@@ -25,8 +30,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("baud-changed", 1.5, "a frame gives the servo another rate"),
         ("silent-since", 1.4, "it is silent since"),
         ("no-response", 0.6, "it is asked at the old rate still"),
-        ("goes-on-unanswered", 0.2, "the controller goes on without it"),
-        ("supply-steady", 0.1, "its supply was in order"),
+        *_GONE,
         ("noise", 0.2, "what it says at its rate is none at this one"),
         ("away-for-a-while", 0.2, "it begins anew"),
     ),
@@ -41,8 +45,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("silent-in-other-mode", 4.5, "it is silent since it was told to leave this protocol"),
         ("silent-since", 1.4, "it is silent since"),
         ("no-response", 0.6, "it is asked still"),
-        ("goes-on-unanswered", 0.2, "the controller goes on without it"),
-        ("supply-steady", 0.1, "its supply was in order"),
+        *_GONE,
         ("away-for-a-while", 0.2, "it begins anew"),
     ),
 )
