@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.diagnosis import chances
-from sniffer.diagnosis.chances import at_least
+from sniffer.diagnosis.evidence import chances
+from sniffer.diagnosis.evidence.chances import at_least
 
 
 @given(st.integers(0, 60), st.integers(0, 60), st.floats(0.001, 0.999))

@@ -7,7 +7,7 @@ from typing import Final
 
 import pytest
 
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import answer_begins
 from tests.conversations import TONGUES, Conversation, robot, swinging, through_usb, without_clock

@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.diagnosis.weighing import explain
 from sniffer.ground.model import NS
 from tests.conversations import Conversation, robot, swinging

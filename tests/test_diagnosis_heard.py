@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.heard import heard
+from sniffer.diagnosis.evidence.heard import heard
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import diagnosed, verdicts
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.diagnosis import Diagnosis
 from sniffer.diagnosis.case import Case
-from sniffer.diagnosis.ledger import ASKED
+from sniffer.diagnosis.ledger.ledger import ASKED
 from sniffer.ground.model import Chunk, Clock
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import FAULTS, Fault

@@ -29,21 +29,20 @@ from bench.diagnosis.troubles import (
     StuckLine,
 )
 from bench.diagnosis.uart import Clash, Receiver
-from sniffer.diagnosis.rules import (
+from sniffer.diagnosis.rules.line import (
     bits,
-    collisions,
     crossings,
     ends,
     foreign,
     held,
-    line,
     masters,
     motors,
-    outages,
     rates,
     rhythms,
     streams,
 )
+from sniffer.diagnosis.rules.line import damaged as line
+from sniffer.diagnosis.rules.pairing import collisions, outages
 from tests import servos
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds

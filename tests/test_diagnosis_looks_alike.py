@@ -8,9 +8,9 @@ from typing import Final
 
 import pytest
 
-from sniffer.diagnosis.clocks import clock_of
-from sniffer.diagnosis.uart import heard as as_heard
-from sniffer.diagnosis.uart import sent
+from sniffer.diagnosis.physics.clocks import clock_of
+from sniffer.diagnosis.physics.uart import heard as as_heard
+from sniffer.diagnosis.physics.uart import sent
 from sniffer.ground.model import Clock, Direction
 from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, found, verdicts

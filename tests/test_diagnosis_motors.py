@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.diagnosis.rules.motors import beyond_chance
+from sniffer.diagnosis.rules.line.motors import beyond_chance
 
 LEVELS = st.floats(0, 1e3, allow_nan=False)
 

@@ -6,7 +6,7 @@ import functools
 
 import pytest
 
-from sniffer.diagnosis.seen import chance_of, shares_of
+from sniffer.diagnosis.physics.seen import chance_of, shares_of
 from sniffer.simulation import simulate
 from sniffer.simulation.faults import Fault
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from tests.conversations import Conversation, swinging

@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from sniffer.diagnosis.comparing import header_of
-from sniffer.diagnosis.overlaid import of_two
-from sniffer.diagnosis.uart import BITS, both, heard, received, sent
+from sniffer.diagnosis.physics.comparing import header_of
+from sniffer.diagnosis.physics.overlaid import of_two
+from sniffer.diagnosis.physics.uart import BITS, both, heard, received, sent
 from sniffer.ground.model import Mark, MarkKind
 from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, verdicts

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.followed import followed
-from sniffer.diagnosis.owners import owner
-from sniffer.diagnosis.signs import sign_of
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.evidence.followed import followed
+from sniffer.diagnosis.evidence.owners import owner
+from sniffer.diagnosis.evidence.signs import sign_of
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.ground.model import Chunk, Clock
 from sniffer.simulation import Fault, simulate
 from sniffer.simulation.render import usb_reads
@@ -20,7 +20,7 @@ from tests.lists import in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
-    from sniffer.diagnosis.owners import Owner
+    from sniffer.diagnosis.evidence.owners import Owner
 
 SERVOS = (1, 2, 3, 4, 5)
 LATE_MS = 4.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.diagnosis.passing import misread_senders
+from sniffer.diagnosis.evidence.passing import misread_senders
 from sniffer.ground.model import Direction
 from tests.conversations import Conversation
 from tests.diagnosed import codes, diagnosed, verdicts

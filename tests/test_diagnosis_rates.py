@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.uart import received, sent
+from sniffer.diagnosis.physics.uart import received, sent
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import BAUD, Conversation, robot, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts

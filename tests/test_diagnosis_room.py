@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sniffer.diagnosis.buckets import BUCKET_NS, COARSE, FINE, TimedBuckets
+from sniffer.diagnosis.ledger.buckets import BUCKET_NS, COARSE, FINE, TimedBuckets
 
 COLUMNS = {"n": "sum", "low": "min", "high": "max", "t_first": "first", "t_last": "last"}
 HOUR = 3600 * 10**9

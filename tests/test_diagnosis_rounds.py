@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pytest
 
-from sniffer.diagnosis.rules.masters import crossings_of
+from sniffer.diagnosis.rules.line.masters import crossings_of
 from tests.conversations import Conversation, swinging, through_usb, without_clock
 from tests.crossing_rounds import SERVOS, two_rounds
 from tests.diagnosed import codes, verdicts

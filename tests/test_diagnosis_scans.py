@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from sniffer.diagnosis.uart import heard, sent
+from sniffer.diagnosis.physics.uart import heard, sent
 from tests.conversations import BAUD, Conversation, swinging, through_usb
 from tests.diagnosed import codes, verdicts
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, diagnosed, verdicts
 from tests.streams import wck

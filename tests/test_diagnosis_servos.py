@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.acting import SURE
-from sniffer.diagnosis.rules import FINDINGS
-from sniffer.diagnosis.rules.complaints import BY_CHANCE
+from sniffer.diagnosis.rules import AREA_OF
+from sniffer.diagnosis.rules.device.complaints import BY_CHANCE
 from sniffer.simulation.buses import BUSES, simulate
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
@@ -48,7 +48,7 @@ CASES = [
     for protocol in protocols
 ]
 
-DEVICE = [f.code for f in FINDINGS.values() if f.area == "device"]
+DEVICE = [code for code, area in AREA_OF.items() if area == "device"]
 
 
 @in_turn(2)

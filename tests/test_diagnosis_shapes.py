@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from sniffer.diagnosis.chances import so_alike
+from sniffer.diagnosis.evidence.chances import so_alike
 from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, suffering

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.diagnosis.signs import named_within
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.evidence.signs import named_within
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.ground.model import Direction
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts

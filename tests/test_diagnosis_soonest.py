@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final, cast
 
 import pytest
 
-from sniffer.diagnosis.rules.soonest import by_chance, in_order
+from sniffer.diagnosis.rules.timing.soonest import by_chance, in_order
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
-    from sniffer.diagnosis.rules.outages import LostAnswers
+    from sniffer.diagnosis.rules.pairing.outages import LostAnswers
 
 DELAY_MS: Final = {1: 0.55, 2: 0.35, 3: 0.75, 4: 0.9}
 """How soon the servos answer."""

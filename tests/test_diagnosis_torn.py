@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.damage import IN_REQUEST, Damage
-from sniffer.diagnosis.rules.crossings import is_two
+from sniffer.diagnosis.ledger.damage import IN_REQUEST, Damage
+from sniffer.diagnosis.rules.line.crossings import is_two
 from tests.conversations import Conversation, robot, through_usb, without_clock
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, found, verdicts

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.misread import of_peers
+from sniffer.diagnosis.physics.misread import of_peers
 from sniffer.ground.model import Direction
 from sniffer.ground.registers import RegisterMap, schema_path
 from tests.conversations import Conversation, one_wire, robot, swinging, through_usb

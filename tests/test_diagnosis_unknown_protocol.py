@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from sniffer.diagnosis.uart import heard, sent
+from sniffer.diagnosis.physics.uart import heard, sent
 from sniffer.ground.model import Chunk
 from tests.conversations import Conversation
 from tests.diagnosed import codes, diagnosed, verdicts

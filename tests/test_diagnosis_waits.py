@@ -7,7 +7,7 @@ import random
 import pytest
 
 from sniffer.diagnosis.acting import SURE
-from sniffer.diagnosis.uart import both, heard, sent
+from sniffer.diagnosis.physics.uart import both, heard, sent
 from tests.conversations import TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.rules.motors import strength_of
+from sniffer.diagnosis.rules.line.motors import strength_of
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NS

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.diagnosis.uart import heard as as_heard
-from sniffer.diagnosis.uart import sent
+from sniffer.diagnosis.physics.uart import heard as as_heard
+from sniffer.diagnosis.physics.uart import sent
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sniffer.diagnosis.histograms import KEYS, Histograms
+from sniffer.diagnosis.ledger.histograms import KEYS, Histograms
 
 
 @pytest.mark.parametrize("exact", [True, False])

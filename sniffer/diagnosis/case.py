@@ -9,11 +9,11 @@ import numpy as np
 
 from sniffer.anomalies.found import CODES, NUMBER
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.diagnosis.buckets import BUCKET_NS
-from sniffer.diagnosis.damage import HELD
-from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
-from sniffer.diagnosis.misread import misread
+from sniffer.diagnosis.ledger.buckets import BUCKET_NS
+from sniffer.diagnosis.ledger.damage import HELD
+from sniffer.diagnosis.ledger.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.model import Place
+from sniffer.diagnosis.physics.misread import misread
 from sniffer.ground.distinct import among
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
@@ -25,9 +25,9 @@ from sniffer.protocols.ids import leading_ids
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from sniffer.diagnosis.damage import Damage
-    from sniffer.diagnosis.ledger import Ledger
-    from sniffer.diagnosis.misread import Misread
+    from sniffer.diagnosis.ledger.damage import Damage
+    from sniffer.diagnosis.ledger.ledger import Ledger
+    from sniffer.diagnosis.physics.misread import Misread
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol

@@ -26,7 +26,6 @@ class FindingCode:
     """
 
     code: str
-    area: str
     means: str
     known_by: str
     is_omission: bool = False

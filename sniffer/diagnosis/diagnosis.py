@@ -10,10 +10,10 @@ from sniffer.decoding.names import AND
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
-from sniffer.diagnosis.ledger import Ledger
+from sniffer.diagnosis.ledger.ledger import Ledger
+from sniffer.diagnosis.ledger.withheld import with_withheld
 from sniffer.diagnosis.rest import rest_of
 from sniffer.diagnosis.shared import shared
-from sniffer.diagnosis.withheld import with_withheld
 from sniffer.ground.amounts import lasting
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.wording import counted

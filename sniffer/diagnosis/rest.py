@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.rules.symptoms import SILENT
-from sniffer.diagnosis.silences import MISSING
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import counted
 

@@ -47,7 +47,7 @@ SIDE: Final = 0.3
 PROOF: Final = 3.0
 """From this score on, of side effects alone, another fault is as good as proven."""
 
-ANOMALY: Final = FindingCode("", "", "", "")
+ANOMALY: Final = FindingCode("", "", "")
 """What has no entry among the findings."""
 
 TOGETHER_NS: Final = NS

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnosis.rules import AREA_OF, FINDINGS
 from sniffer.diagnosis.weights import LINES
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _of(name: str) -> Iterator[Explanation]:
         yield Explanation(name, ANOMALY, code.severity.name.lower(), code.group, code.means, facts)
     if found := FINDINGS.get(name):
         facts = {"known by": found.known_by, "speaks for": _spoken_for(name)}
-        yield Explanation(name, FINDING, "", found.area, found.means, facts)
+        yield Explanation(name, FINDING, "", AREA_OF[name], found.means, facts)
     if cause := CAUSES.get(name):
         facts = {
             "known by": cause.shows,

@@ -10,8 +10,8 @@ import numpy as np
 
 from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pairing import unasked
-from sniffer.diagnosis.buckets import Buckets
-from sniffer.diagnosis.keys import pair_key, pair_of
+from sniffer.diagnosis.ledger.buckets import Buckets
+from sniffer.diagnosis.ledger.keys import pair_key, pair_of
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import ECHO

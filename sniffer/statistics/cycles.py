@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.durations import Bounds, Quantiles
-from sniffer.diagnosis.keys import pair_key
+from sniffer.diagnosis.ledger.keys import pair_key
 
 if TYPE_CHECKING:
     from collections.abc import Container

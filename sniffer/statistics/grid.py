@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.ledger.buckets import Buckets
 from sniffer.ground.milli import MILLI, in_milli
 
 if TYPE_CHECKING:

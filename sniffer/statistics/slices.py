@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.anomalies.found import SEVERITY, Anomalies
 from sniffer.decoding.durations import BINS, Bounds, bins_of, edge_of
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.ledger.buckets import Buckets
 from sniffer.ground.codes import NO_RESPONSE, OK, REQUEST
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import InputError, Severity

@@ -7,132 +7,42 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.case import Case
+from sniffer.diagnosis.evidence.passing import without_passed
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.passing import without_passed
-from sniffer.diagnosis.rules import (
-    absences,
-    alike,
-    bare,
-    bits,
-    breaking,
-    collisions,
-    complaints,
-    controller,
-    crossings,
-    ends,
-    everybody,
-    foreign,
-    forms,
-    goals,
-    heads,
-    held,
-    identity,
-    interruptions,
-    joints,
-    jumps,
-    limited,
-    line,
-    losses,
-    masters,
-    motors,
-    ordered,
-    outages,
-    pairing,
-    patience,
-    rates,
-    refusing,
-    remains,
-    restarts,
-    rhythms,
-    scans,
-    scatter,
-    slowness,
-    soonest,
-    splices,
-    streams,
-    sums,
-    supply,
-    symptoms,
-    tap,
-    texts,
-    timing,
-    translated,
-    unanswered,
-    unasked,
-    unknown,
-    waits,
-    warmth,
-)
+from sniffer.diagnosis.rules import controller, device, line, pairing, symptoms, tap, timing
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.catalogue import FindingCode
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (
-    tap,
-    losses,
-    limited,
-    line,
-    bits,
-    ends,
-    pairing,
-    timing,
-    joints,
-    interruptions,
-    patience,
-    remains,
-    controller,
-    goals,
-    absences,
-    alike,
-    bare,
-    breaking,
-    collisions,
-    complaints,
-    crossings,
-    everybody,
-    foreign,
-    rates,
-    forms,
-    heads,
-    held,
-    identity,
-    jumps,
-    masters,
-    motors,
-    ordered,
-    outages,
-    refusing,
-    restarts,
-    rhythms,
-    scans,
-    scatter,
-    slowness,
-    soonest,
-    splices,
-    streams,
-    sums,
-    supply,
-    texts,
-    translated,
-    unanswered,
-    unasked,
-    unknown,
-    waits,
-    warmth,
+AREAS: Final = MappingProxyType(
+    {
+        "tap": tap.PARTS,
+        "line": line.PARTS,
+        "pairing": pairing.PARTS,
+        "timing": timing.PARTS,
+        "device": device.PARTS,
+        "controller": controller.PARTS,
+    }
 )
+"""What rules are about, each a folder, and the parts of it."""
 
 RULES: Final[tuple[Rule, ...]] = (
-    *(rule for area in _AREAS for rule in area.RULES),
+    *(rule for parts in AREAS.values() for part in parts for rule in part.RULES),
     symptoms.symptoms,
 )
 """In no particular order: none asks what another one found."""
 
 FINDINGS: Final[Mapping[str, FindingCode]] = MappingProxyType(
-    {entry.code: entry for area in _AREAS for entry in area.FINDINGS}
+    {entry.code: entry for parts in AREAS.values() for part in parts for entry in part.FINDINGS}
 )
 """What the rules find, beside the anomalies."""
+
+AREA_OF: Final[Mapping[str, str]] = MappingProxyType(
+    {entry.code: area for area, parts in AREAS.items() for part in parts for entry in part.FINDINGS}
+)
+"""What each finding is about."""
 
 
 def findings(case: Case) -> list[Finding]:
@@ -150,10 +60,10 @@ def markdown() -> str:
         "each says what is so, not why. [Causes](causes.md) are weighed from them.",
         "",
     ]
-    for area in dict.fromkeys(f.area for f in FINDINGS.values()):
+    for area in AREAS:
         lines += [f"## {area}", ""]
         for f in FINDINGS.values():
-            if f.area == area:
+            if AREA_OF[f.code] == area:
                 lines += [f"### `{f.code}`", "", f.means, "", f"- Known by: {f.known_by}"]
                 lines += [f"- What to do: {f.remedy}"] if f.remedy else []
                 lines += [f"- What settles it: {f.settle}"] if f.settle else []

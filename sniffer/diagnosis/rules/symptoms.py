@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
-from sniffer.diagnosis.buckets import SERVOS
 from sniffer.diagnosis.case import episodes
+from sniffer.diagnosis.evidence.twins import twins
+from sniffer.diagnosis.ledger.buckets import SERVOS
+from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.rules.complaints import COMPLAINTS
-from sniffer.diagnosis.silences import MISSING
-from sniffer.diagnosis.twins import twins
+from sniffer.diagnosis.rules.device.complaints import COMPLAINTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,0 +1,1 @@
+"""What is remembered of a bus, in bounded memory: traffic by servo and time, and what is rare."""

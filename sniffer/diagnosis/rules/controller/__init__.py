@@ -1,0 +1,39 @@
+"""What the controller asks and writes that it should not, and how it waits."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sniffer.diagnosis.rules.controller import (
+    breaking,
+    everybody,
+    forms,
+    goals,
+    heads,
+    interruptions,
+    limited,
+    ordered,
+    patience,
+    scans,
+    sums,
+    texts,
+    waits,
+    writes,
+)
+
+PARTS: Final = (
+    breaking,
+    everybody,
+    forms,
+    goals,
+    heads,
+    interruptions,
+    limited,
+    ordered,
+    patience,
+    scans,
+    sums,
+    texts,
+    waits,
+    writes,
+)

@@ -1,0 +1,23 @@
+"""Who answers whom, who does not, and who answers as well."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sniffer.diagnosis.rules.pairing import (
+    absences,
+    alike,
+    collisions,
+    outages,
+    silent,
+    unanswered,
+)
+
+PARTS: Final = (
+    absences,
+    alike,
+    collisions,
+    outages,
+    silent,
+    unanswered,
+)
