@@ -28,12 +28,20 @@ ROOMS: Final = sorted({path.parts[0] for path in FILES})
 
 DESIGN: Final = (ROOT.parent / "docs" / "design.md").read_text(encoding="utf-8")
 
-FLOORS: Final = tuple(
-    tuple(re.findall(r"`(\w+)/`", line.split("|")[2]))
-    for line in reversed(DESIGN.partition("\n## 2. Floors\n")[2].partition("\n## ")[0].splitlines())
-    if re.match(r"\| [\w ]+ \| `", line)
-)
+
+def floors(heading: str) -> tuple[tuple[str, ...], ...]:
+    """Return what stands on each floor of the table with this heading, from the ground up."""
+    table = DESIGN.partition(f"\n| {heading} |")[2].partition("\n\n")[0].splitlines()[2:]
+    return tuple(tuple(re.findall(r"`(\w+)/?`", line.split("|")[2])) for line in reversed(table))
+
+
+FLOORS: Final = floors("floor")
 """Rooms, as the design draws them, from the ground up."""
+
+DIAGNOSIS: Final = "diagnosis"
+
+PARTS: Final = floors("floor of diagnosis")
+"""Folders of the largest room, and files beside them."""
 
 FACE: Final = "cli"
 
@@ -155,8 +163,8 @@ def room(file: Path) -> str:
     return file.parts[0] if len(file.parts) > 1 else FACE
 
 
-def floor(name: str) -> int:
-    found = [level for level, rooms in enumerate(FLOORS) if name in rooms]
+def floor(name: str, house: tuple[tuple[str, ...], ...] = FLOORS) -> int:
+    found = [level for level, rooms in enumerate(house) if name in rooms]
     assert len(found) == 1, f"{name} stands on no floor: say in docs/design.md, 2, where it belongs"
     return found[0]
 
@@ -174,6 +182,42 @@ def test_imports_go_down_only(name: str) -> None:
             there = file_named(module)
             if there is not None and module != "sniffer" and room(there) != here:
                 assert floor(room(there)) < floor(here), f"{file} imports {module}"
+
+
+def part(file: Path) -> str:
+    """Return the folder or file, right under ``diagnosis``, that a file of it is."""
+    return Path(file.parts[1]).stem
+
+
+def rules_of(file: Path) -> str:
+    """Return the folder of the rule that a file is; "" where it is none."""
+    return file.parts[2] if part(file) == "rules" and len(file.parts) > 3 else ""
+
+
+def parts_of_diagnosis() -> list[Path]:
+    return [file for file in files_in(DIAGNOSIS) if len(file.parts) > 2 or file.stem != "__init__"]
+
+
+def test_the_design_draws_every_part_of_the_diagnosis() -> None:
+    drawn = [name for names in PARTS for name in names]
+    assert sorted(drawn) == sorted({part(file) for file in parts_of_diagnosis()})
+
+
+def test_inside_the_diagnosis_imports_go_down_as_well() -> None:
+    for file in parts_of_diagnosis():
+        for module in imports(file):
+            there = file_named(module)
+            if there is None or there.parts[0] != DIAGNOSIS or part(there) == part(file):
+                continue
+            assert floor(part(there), PARTS) <= floor(part(file), PARTS), f"{file} imports {module}"
+
+
+def test_rules_about_different_things_do_not_know_each_other() -> None:
+    for file in parts_of_diagnosis():
+        for module in imports(file) if rules_of(file) and file.stem != "__init__" else ():
+            there = file_named(module)
+            of = rules_of(there) if there is not None and there.parts[0] == DIAGNOSIS else ""
+            assert of in ("", rules_of(file)), f"{file} imports {module}"
 
 
 @pytest.mark.parametrize("typing", [False, True])

@@ -21,6 +21,9 @@ MISSING: Final = "no-response"
 LEAST: Final = 3
 """Requests in a row: one or two are lost on every line."""
 
+ENOUGH: Final = 5
+"""Requests in a row without an answer that are no accident."""
+
 KEPT: Final = 500
 """Of each servo the first so many, and the last one."""
 

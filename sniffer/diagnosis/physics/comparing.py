@@ -24,6 +24,10 @@ REPEATS: Final = 0.15
 """Part of such sequences that come again in a conversation; in noise there is none."""
 
 
+VALUES: Final = 5
+"""Bytes of the head that tell which request it is; behind it may stand other values."""
+
+
 def alike(a: bytes, b: bytes) -> int:
     """Return how many first bytes are the same."""
     n = min(len(a), len(b))
@@ -65,3 +69,25 @@ def repeated(data: bytes) -> float:
     telling = {s: n for s, n in seen.items() if len(set(s)) > 2}
     total = sum(telling.values())
     return sum(n for n in telling.values() if n > 1) / total if total else 0.0
+
+
+def _begun(got: bytes, whole: bytes) -> int:
+    """Return how many bytes are the beginning of a request like a known one.
+
+    Behind its head stand values, which are any; what ends as the request does lacks its middle.
+    """
+    same = alike(got, whole)
+    most = min(len(got), len(whole) - 1)
+    if same < VALUES or (same < most and got[most - 1] == whole[-1]):
+        return same
+    return max(same, most)
+
+
+def are_beginnings(got: bytes, known: Sequence[bytes]) -> bool:
+    """Tell whether bytes are the beginnings of one or more requests, one behind the other."""
+    reached = {0}
+    for at in range(len(got)):
+        if at in reached:
+            size = max((_begun(got[at:], whole) for whole in known), default=0)
+            reached.update(range(at + 1, at + size + 1))
+    return len(got) in reached

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY, REST
-from sniffer.diagnosis.physics.comparing import alike
+from sniffer.diagnosis.physics.comparing import are_beginnings
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.model import Finding
@@ -29,8 +29,6 @@ FINDINGS: Final = (
 PIECE: Final = 4
 """Bytes of a beginning that is no mere header."""
 
-VALUES: Final = 5
-"""Bytes of the head that tell which request it is; behind it may stand other values."""
 
 LEAST: Final = 5
 PLACES: Final = 2
@@ -64,28 +62,6 @@ def requests_broken_off(case: Case) -> Iterator[Finding]:
         strength=min(0.6 + len(some) / 25, 1.0),
         brief="requests stop before their end",
     )
-
-
-def _begun(got: bytes, whole: bytes) -> int:
-    """Return how many bytes are the beginning of a request like a known one.
-
-    Behind its head stand values, which are any; what ends as the request does lacks its middle.
-    """
-    same = alike(got, whole)
-    most = min(len(got), len(whole) - 1)
-    if same < VALUES or (same < most and got[most - 1] == whole[-1]):
-        return same
-    return max(same, most)
-
-
-def are_beginnings(got: bytes, known: Sequence[bytes]) -> bool:
-    """Tell whether bytes are the beginnings of one or more requests, one behind the other."""
-    reached = {0}
-    for at in range(len(got)):
-        if at in reached:
-            size = max((_begun(got[at:], whole) for whole in known), default=0)
-            reached.update(range(at + 1, at + size + 1))
-    return len(got) in reached
 
 
 RULES: Final[tuple[Rule, ...]] = (requests_broken_off,)

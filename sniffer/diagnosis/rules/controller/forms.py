@@ -10,16 +10,14 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import OFTEN, TORN, may_be_torn
 from sniffer.diagnosis.evidence.placed import finding_of, single
-from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY
+from sniffer.diagnosis.evidence.sameness import come_again, not_held
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.ledger.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -49,12 +47,6 @@ FINDINGS: Final = (
 
 ID_SET: Final = "id_set"
 """The command whose code the appendix of the wCK manual (1.07, A-4) gives for reading gains."""
-
-BITS: Final = 2
-"""Bits that a weak signal alters in one request, always the same ones."""
-
-WHOLE: Final = 4
-"""Fewer bytes come again by chance."""
 
 
 def gain_read(case: Case) -> Iterator[Finding]:
@@ -146,28 +138,10 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         )
 
 
-def _is_torn(got: bytes, whole: bytes) -> bool:
-    """Tell whether bytes are those of a request but for a bit or two."""
-    if len(got) != len(whole):
-        return False
-    return bits_wrong(got, whole) <= BITS
-
-
 def same_bytes(case: Case) -> Iterator[Finding]:
     """Bytes that are no frame and come again and again: somebody sends them so."""
-    known = case.ledger.exchanges.kinds.requests
-    where: dict[bytes, list[Damage]] = {}
-    damages = [d for d in case.damages if d.turn != HELD]
-    for d in damages:
-        where.setdefault(d.got, []).append(d)
-    for got, places in where.items():
-        if len(places) < OFTEN or len(got) < WHOLE or len(set(got)) < 3:
-            continue
-        # A request that is whole at times is torn at others.
-        if 2 * len(places) < len(damages) or any(_is_torn(got, whole) for whole in known):
-            continue
-        if 2 * sum(d.turn == IN_REPLY for d in places) > len(places):
-            continue  # an answer that is due: a servo at rest says the same, and it is torn alike
+    damages = not_held(case)
+    for got, places in come_again(case).items():
         servos = {d.servo_id for d in places}
         yield finding_of(
             places,

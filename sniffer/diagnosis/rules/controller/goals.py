@@ -10,9 +10,9 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import TORN, may_be_torn
+from sniffer.diagnosis.evidence.jumping import jumping
 from sniffer.diagnosis.evidence.trips import BEYOND, trips
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.device.jumps import JUMP, positions
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
@@ -123,13 +123,14 @@ def _is_as_positions(case: Case, jumps: Sequence[_Jump], usual: float) -> bool:
 
     One bit is altered then, of answers and of requests.
     """
-    for f in positions(case):
-        size = dict(f.values).get(JUMP, 0.0)
+    for servo, (_, leaps) in jumping(case).items():
+        first = leaps[0]
+        size = first.size / MILLI
         alike = any(abs(jump.size - size) <= usual for jump in jumps)
-        goals = case.series(f.servo_id, "goal_position") if f.servo_id is not None else None
+        goals = case.series(servo, "goal_position")
         if not alike or goals is None:
             continue
-        since, until = f.episodes[0]
+        since, until = first.t_ns - first.took_ns, first.t_ns
         then = (goals.t >= since - NS) & (goals.t_first <= until + NS)
         if float(goals.step[then].max(initial=0.0)) < size / 2:
             return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,14 +9,14 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
 from sniffer.diagnosis.evidence.hasty import ends_of_requests
+from sniffer.diagnosis.evidence.intruders import OVERLAPS, torn_requests
 from sniffer.diagnosis.evidence.order import Order
 from sniffer.diagnosis.evidence.placed import finding_of
-from sniffer.diagnosis.evidence.twins import torn_by_twins
-from sniffer.diagnosis.ledger.damage import IN_REPLY
+from sniffer.diagnosis.evidence.twins import of_twins, torn_by_twins
+from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import alike, header_of, is_altered
 from sniffer.diagnosis.physics.misread import alike_of
-from sniffer.diagnosis.rules.line.crossings import tears_anyway
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import byte_time_ns
@@ -63,8 +62,6 @@ FINDINGS: Final = (
 ENOUGH: Final = 2
 """One may be a stamp that is off."""
 
-OVERLAPS: Final = 3
-"""Times that are no rounding."""
 
 PART_TORN: Final = 0.2
 """Share of failed exchanges that show a cause; what fewer show may look so by chance."""
@@ -86,6 +83,9 @@ BY_PULSES: Final = 0.4
 """Share of the answers torn by pulses that look so: those in which a byte got lost by one."""
 
 CHANCE: Final = 1e-3
+
+ANYWAY: Final = 0.5
+"""Requests torn right behind answers, for each sound answer, from which on some are missing anywhere."""
 
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
@@ -265,31 +265,16 @@ def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     return d.t_ns - asked_ns <= begins + whole + case.latency_ns
 
 
-def torn_requests(case: Case, places: Sequence[Damage]) -> list[Damage]:
-    """Return places of answers that are torn requests which are torn there oftener than whole.
+def tears_anyway(case: Case) -> bool:
+    """Tell whether so many requests are torn behind sound answers that some are missing anywhere.
 
-    Noise tears one now and then; whose end is spoken into each time is said while another speaks.
+    Then one that is missing behind a torn answer was not said into it.
     """
-    kinds, known = case.ledger.exchanges.kinds, case.ledger.damages.likes.known
-    header = header_of(kinds.requests)
-    # in a protocol of one header an answer to a short question looks like a request by half
-    due = {d.at: _most_equal(d.got, alike_of(d, known)) for d in places}
-    out: dict[int, Damage] = {}
-    for k, whole in enumerate(kinds.example):
-        mine = [
-            d
-            for d in places
-            if whole != d.asked and header < alike(d.got, whole) and is_altered(d.got, whole)
-            if _most_equal(d.got, (whole,)) > due[d.at]
-        ]
-        if len(mine) >= OVERLAPS and len(mine) > int(kinds.n[k]):
-            out |= {d.at: d for d in mine}
-    return list(out.values())
-
-
-def _most_equal(got: bytes, frames: Sequence[bytes]) -> int:
-    """Return how many bytes are as one of some frames has them at their place."""
-    return max((sum(map(operator.eq, got, one)) for one in frames), default=0)
+    torn = sum(
+        d.turn == IN_REQUEST and d.behind == RESPONSE and not of_twins(case, d)
+        for d in case.damages
+    )
+    return torn > ANYWAY * case.total("ok")
 
 
 def _holds_request(d: Damage, known: Sequence[bytes], header: int, due: Sequence[bytes]) -> bool:

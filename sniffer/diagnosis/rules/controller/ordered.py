@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.ledger.silences import ENOUGH
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.pairing.silent import ENOUGH
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS, ends_goal
 

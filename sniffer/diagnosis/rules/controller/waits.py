@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.evidence.overdue import overdue
+from sniffer.diagnosis.evidence.overlying import lies_over
 from sniffer.diagnosis.evidence.twins import twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.controller.patience import KNOWN, ONE_TIME, WAITED_NS
-from sniffer.diagnosis.rules.pairing.collisions import lies_over
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import MS
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.diagnosis.rules.device import (
-    bare,
     complaints,
     identity,
     joints,
@@ -14,12 +13,10 @@ from sniffer.diagnosis.rules.device import (
     restarts,
     scatter,
     supply,
-    unasked,
     warmth,
 )
 
 PARTS: Final = (
-    bare,
     complaints,
     identity,
     joints,
@@ -28,6 +25,5 @@ PARTS: Final = (
     restarts,
     scatter,
     supply,
-    unasked,
     warmth,
 )

@@ -75,8 +75,6 @@ WHOLE_BY_CHANCE: Final = 0.01
 GARBLED: Final = 2
 """Bytes that a pulse alters at most where it leaves the length as it was."""
 
-ANYWAY: Final = 0.5
-"""Requests torn right behind answers, for each sound answer, from which on some are missing anywhere."""
 
 TWICE: Final = 2
 SOME: Final = 1e-2
@@ -297,18 +295,6 @@ def when_none_due(case: Case) -> Iterator[Finding]:
             "a request torn when no answer is due",
             strength=min(0.4 + len(unowed) / (2 * PLENTY), 1.0),
         )
-
-
-def tears_anyway(case: Case) -> bool:
-    """Tell whether so many requests are torn behind sound answers that some are missing anywhere.
-
-    Then one that is missing behind a torn answer was not said into it.
-    """
-    torn = sum(
-        d.turn == IN_REQUEST and d.behind == RESPONSE and not of_twins(case, d)
-        for d in case.damages
-    )
-    return torn > ANYWAY * case.total("ok")
 
 
 def _is_one(got: bytes, begun: Sequence[bytes], known: Sequence[bytes]) -> bool:

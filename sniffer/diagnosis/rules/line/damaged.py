@@ -10,12 +10,12 @@ import numpy as np
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
+from sniffer.diagnosis.evidence.jumping import altered_bare
 from sniffer.diagnosis.evidence.placed import finding_of, is_talk
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.uart import FALLS
-from sniffer.diagnosis.rules.device.jumps import altered_bare
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted

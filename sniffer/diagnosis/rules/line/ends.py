@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
-from sniffer.diagnosis.evidence.delays import delays
-from sniffer.diagnosis.evidence.signs import BARE, beginnings
-from sniffer.diagnosis.evidence.twins import torn_by_twins, twins
+from sniffer.diagnosis.evidence.fronts import EITHER, IN_FRONT, is_hit, torn_in_front
+from sniffer.diagnosis.evidence.signs import BARE
 from sniffer.diagnosis.ledger.damage import IN_IDLE, IN_REPLY
-from sniffer.diagnosis.physics.comparing import alike, header_of
 from sniffer.diagnosis.physics.misread import BACK, BITS_FEW, FRONT, OTHER
 from sniffer.diagnosis.physics.uart import FALLS
 from sniffer.diagnosis.rules.line.bits import bits_finding
-from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -50,14 +47,6 @@ MOST: Final = 0.75
 KNOWN: Final = 0.25
 """Part of the torn frames at least of which one must know where they are torn."""
 
-PROMPT: Final = 0.1
-"""Part of a byte time by which an answer must be later than any sound one to lack its beginning: a bit."""
-
-IN_FRONT: Final = 2
-"""Bytes of an answer's beginning: what is there when the direction changes may hit the second, too."""
-
-EITHER: Final = 0.5
-"""How often a contact that opens and closes at any time takes the beginning, and leaves the end."""
 
 ENOUGH: Final = 1e-3
 """How likely it may be by chance where it counts in full."""
@@ -76,7 +65,9 @@ def ends(case: Case) -> Iterator[Finding]:
             "the first byte of answers is torn",
             _strength(first, answers, IN_FRONT),
         )
-    last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
+    last = [
+        m for m in requests if _cut(m) or (is_hit(m) and min(m.bytes_hit) == m.damage.length - 1)
+    ]
     if _mostly(last, requests):
         yield bits_finding(
             "last-byte-torn",
@@ -109,32 +100,6 @@ def strays_before(case: Case) -> Iterator[Finding]:
         )
 
 
-def torn_in_front(case: Case) -> list[Misread]:
-    """Return the torn answers of which the first byte is missing or wrong, and the second at most."""
-    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
-    late = _late(case, answers)
-    other = _begin_of_requests(case)
-    return [
-        m
-        for m in answers
-        # what tears these tears any byte
-        if m.damage.at not in torn_by_twins(case)
-        and m.servo_id not in twins(case)
-        and m.damage.got[:1] != other  # a request that somebody speaks into
-        if m.shape == FRONT or _hit_in_front(m) or m.damage.at in late
-    ]
-
-
-def _begin_of_requests(case: Case) -> bytes | None:
-    """Return the byte with which all requests begin, where answers have headers of another one."""
-    requests = case.ledger.exchanges.kinds.requests
-    answers = [a for some in case.ledger.damages.likes.known.values() for a in some]
-    if case.protocol.ordered or not header_of(requests) or not header_of(answers):
-        return None
-    begin = requests[0][:1]
-    return begin if begin != answers[0][:1] else None
-
-
 def may_be_cut(m: Misread) -> bool:
     """Tell whether it may be the last byte alone that is torn: it is, or nobody knows which one."""
     if m.shape == BITS_FEW:
@@ -144,32 +109,9 @@ def may_be_cut(m: Misread) -> bool:
     return _cut(m)
 
 
-def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
-    """Return the places of torn answers that begin later than any sound one: they lack a byte.
-
-    Both are stamped alike, so that what all stamps are off by does not matter; what they vary by is
-    in the latest sound one.
-    """
-    latest = {servo: delay.latest_ns for servo, delay in delays(case).items()}
-    least, begins = PROMPT * case.ledger.byte_ns, beginnings(case)
-    return {
-        m.damage.at
-        for m in answers
-        if m.shape != BITS_FEW
-        and m.damage.since_ns > latest.get(m.servo_id, NEVER_NS) + least
-        # when it began is reckoned by its bytes, of which a second sender may have taken some
-        and not _has_front(m.damage.got, begins.get(m.servo_id, b""))
-    }
-
-
-def _has_front(got: bytes, begin: bytes) -> bool:
-    """Tell whether bytes begin as answers do, rather than as answers without their first byte."""
-    return alike(got, begin) > alike(got, begin[1:])
-
-
 def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
     """Tell whether most of the torn frames of which one knows where they are torn are these."""
-    known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
+    known = sum(m in some or m.shape in (FRONT, BACK) or is_hit(m) for m in torn)
     return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
 
 
@@ -178,22 +120,10 @@ def _strength(some: Sequence[Misread], torn: Sequence[Misread], at_end: int) -> 
 
     Noise hits the bytes at one end, ``at_end`` of them, as often as any others.
     """
-    known = [m for m in torn if m in some or m.shape in (FRONT, BACK) or _hit(m)]
-    chances = [at_end / max(m.damage.length, at_end) if _hit(m) else EITHER for m in known]
+    known = [m for m in torn if m in some or m.shape in (FRONT, BACK) or is_hit(m)]
+    chances = [at_end / max(m.damage.length, at_end) if is_hit(m) else EITHER for m in known]
     chance = at_least(len(some), len(known), sum(chances) / len(known))
     return sureness(chance, ENOUGH) * min(len(some) / (MOST * len(torn)), 1.0)
-
-
-def _hit_in_front(m: Misread) -> bool:
-    """Tell whether the first byte is wrong, and the second at most beside it.
-
-    What is there when the direction changes hits the one before the other.
-    """
-    return _hit(m) and min(m.bytes_hit) == 0 and max(m.bytes_hit) < IN_FRONT
-
-
-def _hit(m: Misread) -> bool:
-    return m.shape == BITS_FEW and bool(m.bytes_hit)
 
 
 def _cut(m: Misread) -> bool:

@@ -12,11 +12,11 @@ from sniffer.decoding.beginnings import most_begun
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.rates_in_use import COMMON, rates_in_use
+from sniffer.diagnosis.evidence.sameness import come_again
 from sniffer.diagnosis.ledger.unclaimed import first_low
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import REPEATS, SEQUENCE, is_even, repeated
 from sniffer.diagnosis.physics.uart import MIDDLE
-from sniffer.diagnosis.rules.controller.forms import same_bytes
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 
@@ -183,7 +183,7 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
     lost = int(case.line["gap_bytes"].sum())
     if total < LEAST or lost < TORN * total:
         return
-    if lost < (1 - MOSTLY) * total and any(same_bytes(case)):
+    if lost < (1 - MOSTLY) * total and come_again(case):
         return
     values = len(np.unique(head))
     if values < VARIED:

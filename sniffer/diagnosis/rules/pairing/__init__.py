@@ -7,17 +7,21 @@ from typing import Final
 from sniffer.diagnosis.rules.pairing import (
     absences,
     alike,
+    bare,
     collisions,
     outages,
     silent,
     unanswered,
+    unasked,
 )
 
 PARTS: Final = (
     absences,
     alike,
+    bare,
     collisions,
     outages,
     silent,
     unanswered,
+    unasked,
 )

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.evidence.overdue import is_overdue, overdue
+from sniffer.diagnosis.evidence.intruders import torn_requests
+from sniffer.diagnosis.evidence.overdue import is_overdue
+from sniffer.diagnosis.evidence.overlying import lies_over
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.stamps import EXACT_NS
 from sniffer.diagnosis.evidence.twins import LEAST, PART, torn_answers, torn_by_twins, twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.misread import BITS_FEW, FRONT
-from sniffer.diagnosis.rules.controller.interruptions import torn_requests
-from sniffer.diagnosis.rules.device.bare import said_by_another
+from sniffer.diagnosis.rules.pairing.bare import said_by_another
 from sniffer.ground.model import MarkKind
 
 if TYPE_CHECKING:
@@ -190,13 +191,6 @@ def _asked_before(case: Case, servo: int) -> tuple[int, ...]:
         if min(kind, after) >= 0 and whom[after] == servo != whom[kind] in case.answering:
             before[whom[kind]] += n
     return tuple(other for other, _ in before.most_common(1))
-
-
-def lies_over(case: Case) -> int:
-    """Return the servo whose answers are overdue and, by their bytes, lie over another's; -1."""
-    late = overdue(case)
-    twin = None if late is None else twins(case).get(late.servo_id)
-    return -1 if twin is None or twin.over < 0 else twin.servo_id
 
 
 def answers_mixed(case: Case) -> Iterator[Finding]:

@@ -10,11 +10,12 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, so_alike, sureness
+from sniffer.diagnosis.evidence.lost import NEAR_NS, LostAnswers
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.ledger.silences import of_one_length
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.ground.model import MS, NEVER_NS, NS
+from sniffer.ground.model import MS
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64, Mask
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -83,11 +84,6 @@ TORN_ONLY: Final = 0.25
 """How much it counts where every lost answer is torn and none is missing: what is away for longer
 than an answer takes misses requests, too."""
 
-IN_A_ROW: Final = 2.5
-"""Losses of a servo that are no further apart than so many of its turns are of one moment."""
-
-SOON: Final = 1 / 8
-"""Part of a turn in vain within which the torn answer comes that ended a silence."""
 
 ALONE: Final = 1e-6
 """How likely it may be that of losses of all a row is of one servo, for that row to be its own."""
@@ -95,75 +91,9 @@ ALONE: Final = 1e-6
 GONE: Final = 0.25
 """Part of such a row that must be missing: what bits or places of words tear is there, and torn."""
 
-NEAR_NS: Final = NS // 8
-"""Losses that are closer than that are of one moment: servos are asked one after the other."""
 
 SELDOM: Final = 0.4
 """Part of the time near moments from which on losses coincide by chance."""
-
-
-class LostAnswers:
-    """What one servo lost and had again."""
-
-    def __init__(self, case: Case, servo: int) -> None:
-        a = case.answers
-        mine = np.flatnonzero(a["servo_id"] == servo)
-        spells = case.ledger.silences.of(servo)
-        until = spells[-1].first_ns if spells and spells[-1].back_ns is None else case.last_ns + 1
-        events = case.anomalies("no-response", "damaged-response", servo_id=servo)
-        # what it never came back from is another matter, and so is what was before it came
-        late = case.ledger.silences.late(servo)
-        begun = late.back_ns or 0 if late else 0
-        events = events.take((events.t_ns < until) & (events.t_ns >= begun))
-        self.servo = servo
-        self.ok = int(a["ok"][mine].sum())
-        self.torn = int(a["damaged"][mine].sum())
-        self.missing = int(a["missing"][mine].sum()) - (late.missed if late else 0)
-        self.bad = min(self.missing + self.torn, len(events))
-        order = np.argsort(events.t_ns, kind="stable")
-        self.times: I64 = events.t_ns[order]
-        self.at: I64 = events.at[order]
-        # Losses in a row are one moment: it was not asked between them.
-        asked = max(self.ok + self.bad, 1)
-        self.turn_ns = (case.last_ns - case.first_ns) / asked
-        runs = case.ledger.silences.runs(servo)
-        rows = [(s.first_ns, s.back_ns or NEVER_NS, s.missed) for s in runs]
-        self._silences = np.array(rows, np.int64)
-
-    @property
-    def share(self) -> float:
-        """The part of its answers that it lost."""
-        return self.bad / max(self.bad + self.ok, 1)
-
-    @property
-    def moments(self) -> int:
-        """How many times it was away."""
-        return 1 + int(self.apart(self.times).sum()) if len(self.times) else 0
-
-    def apart(self, times: I64) -> Mask:
-        """Tell of losses (sorted) which are not of the same moment as the one before.
-
-        Who asks in vain waits longer than behind an answer: a silence is one moment, however long.
-        What is lost behind it, and not right when it ended, is another one: it answered between.
-        """
-        far: Mask = np.diff(times) > IN_A_ROW * self.turn_ns
-        if len(self._silences):
-            which = np.searchsorted(self._silences[:, 0], times, "right") - 1
-            first, back, missed = self._silences[np.maximum(which, 0)].T
-            within = (which >= 0) & (times < back)
-            is_same = (which[1:] == which[:-1]) & within[1:]
-            turn = (back - first) / missed
-            far = (far & ~is_same) | (within[:-1] & (times[1:] > (back + SOON * turn)[:-1]))
-        return far
-
-    def within(self, times: I64) -> float:
-        """Return the part of its losses that are near some moments (sorted)."""
-        if not len(self.times) or not len(times):
-            return 0.0
-        behind = times[np.minimum(np.searchsorted(times, self.times), len(times) - 1)]
-        before = times[np.maximum(np.searchsorted(times, self.times) - 1, 0)]
-        near = np.minimum(abs(behind - self.times), abs(self.times - before)) <= NEAR_NS
-        return float(near.mean())
 
 
 def losses(case: Case) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
 from sniffer.diagnosis.evidence.questions import is_one_question
-from sniffer.diagnosis.ledger.silences import of_one_length
+from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
@@ -63,8 +63,6 @@ FINDINGS: Final = (
     ),
 )
 
-ENOUGH: Final = 5
-"""Requests in a row without an answer that are no accident."""
 
 LOOKS: Final = 3
 """Quarters of a second in which an id is asked for that is not just looked for."""

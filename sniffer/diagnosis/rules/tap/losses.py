@@ -13,8 +13,7 @@ from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.signs import BARE
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.physics.comparing import alike, is_altered
-from sniffer.diagnosis.rules.controller.breaking import are_beginnings
+from sniffer.diagnosis.physics.comparing import alike, are_beginnings, is_altered
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.gaps import CHECKSUM
 

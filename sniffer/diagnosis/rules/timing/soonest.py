@@ -16,10 +16,10 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
 from sniffer.diagnosis.evidence.delays import delays
+from sniffer.diagnosis.evidence.fronts import EITHER, PROMPT, torn_in_front
+from sniffer.diagnosis.evidence.lost import LostAnswers
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.line.ends import EITHER, PROMPT, torn_in_front
-from sniffer.diagnosis.rules.pairing.outages import LostAnswers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -12,7 +12,7 @@ from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.tracks import in_force
 from sniffer.diagnosis.ledger.damage import IN_REPLY
-from sniffer.diagnosis.rules.device.unasked import ALONE, EITHER, UNASKED, unlikely
+from sniffer.diagnosis.rules.pairing.unasked import ALONE, EITHER, UNASKED, unlikely
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
