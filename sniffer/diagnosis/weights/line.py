@@ -16,6 +16,7 @@ _TORN: Final[tuple[_Row, ...]] = (
     ("noise", 0.3, "bytes that are no frame"),
     ("line-error", 0.3, "the UART saw bytes without a stop bit"),
     ("damaged-response", 0.3, "answers are torn"),
+    ("values-altered", 0.4, "answers without a checksum are altered"),
     ("no-response", 0.2, "a torn request is not answered"),
     ("mismatched-response", 0.2, "a torn answer may hold by chance"),
     ("unsolicited-response", 0.2, "the request before it was torn"),
