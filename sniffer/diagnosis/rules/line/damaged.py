@@ -68,6 +68,9 @@ SPARES: Final = 1 / 3
 PLENTY: Final = 12
 """So many places are beyond doubt."""
 
+SEEN: Final = 0.25
+"""Part of the bits of bare answers that are seen to be altered: the upper ones of what is measured."""
+
 HIDDEN: Final = 0.45
 """How much it counts where of the answers values alone tell: a weak signal alters them, too."""
 
@@ -109,7 +112,8 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     answers = sum(answered.values())
     rows = in_request | (in_reply & ~np.isin(d["servo_id"], few))
     sizes = case.ledger.exchanges.sizes()
-    share = answers * sizes[1] / max(answers * sizes[1] + requests * sizes[0], 1)
+    said = answers * sizes[1] * (SEEN if case.has_bare_answers else 1)
+    share = said / max(said + requests * sizes[0], 1)
     what = (
         f"{left} of {answers} answers of {counted(len(answered), 'servo')} and "
         f"{asked_torn} of {requests} requests are damaged"
