@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.evidence.twins import torn_answers
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.ledger.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.uart import FALLS
