@@ -361,6 +361,7 @@ WEIGHTS: Final = (
     *for_(
         "position-jump",
         ("position-jumps", 3.0, "a measured position does what no joint can"),
+        ("writes-part", -1.5, "half a goal sends a joint anywhere"),
         ("doubtful-value", 0.5, "a value that may be damage: its protocol has no checksum"),
     ),
     *for_(
