@@ -230,6 +230,7 @@ WEIGHTS: Final = (
         "overload",
         ("device-overload", 3.0, "it says that it bears too much"),
         ("load-high", 2.5, "it bears nearly all that it can"),
+        ("lags-more", 2.2, "it can follow less and less"),
         ("joint-limp-after-alarm", 1.0, "it gives up"),
         ("device-stuck", 1.0, "it cannot move as fast as it is told"),
         ("device-safe-mode", 0.9, "it protects itself, for current perhaps"),
