@@ -19,7 +19,9 @@ WEIGHTS: Final = (
         weight
         for cause in ("brownout", "servo-reset-loop", "bad-cable", "clock-drift")
         for weight in for_(
-            cause, ("all-miss-alike", -3.5, "all servos miss as much: it is what they share")
+            cause,
+            ("all-miss-alike", -3.5, "all servos miss as much: it is what they share"),
+            ("first-behind-rest", -4.0, "while the line is at work nothing is missing"),
         )
     ),
     *(
