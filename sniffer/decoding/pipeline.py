@@ -28,10 +28,12 @@ from sniffer.decoding.summary import Summary
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.runs import ChunkRun, by_bus
 from sniffer.ground.timing import LATENCY_NS
+from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
     from sniffer.decoding.rates import Rate
@@ -260,9 +262,17 @@ class Pipeline:
 
     def unmet(self) -> list[str]:
         """Tell of rules that no servo of any bus can meet, each in a sentence."""
-        spoken = {p.name: p for d in self._decoders.values() for p in d.protocols}
-        told = ((a, refusal(a, spoken.values())) for a in self._options.alarms if spoken)
+        told = ((a, self._unmet(a)) for a in self._options.alarms if self._decoders)
         return [f"the rule {str(a)!r} judges nothing: {why}" for a, why in told if why]
+
+    def _unmet(self, alarm: Alarm) -> str | None:
+        """Return why no servo of any bus can meet a rule; None: one can."""
+        names = self._options.called
+        mine = [d for bus, d in self._decoders.items() if alarm.on(bus, names.ids)]
+        if mine:
+            return refusal(alarm, {p.name: p for d in mine for p in d.protocols}.values())
+        nobody = f"{alarm.called} is on none of the buses {and_(list(self._decoders))}"
+        return names.nobody(alarm.called) or nobody
 
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""
@@ -368,7 +378,7 @@ class Pipeline:
             latency_ns=told.latency_ns,
             slowest=told.slowest,
             doubtful=told.doubtful,
-            alarms=self._options.alarms,
+            alarms=self._options.alarms_on(bus),
             base=self._begin.get(bus, 0),
         )
 
