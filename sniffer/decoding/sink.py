@@ -92,7 +92,8 @@ class Narrowed(Protocol):
         """Take what was asked for.
 
         Of a selection ``where``, its expression, and ``tables``, those it speaks of; of a part of a
-        capture ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends.
+        capture ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends,
+        and ``first_ns``, when its first record was, None without a clock.
         """
         ...
 

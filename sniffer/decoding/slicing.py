@@ -34,14 +34,17 @@ def first_told_ns(stamp_ns: int | None, parts: Sequence[Part]) -> int | None:
     """Return when the first record of a capture was told, from which its seconds count, in ns.
 
     ``stamp_ns`` is the stamp of its first chunk, ``parts`` what was decoded first: where a host
-    held bytes back, they were said long before that.
+    held bytes back, they were said long before that. Where it is of the beginning of the first
+    frame, that frame's end is meant, as of each record.
     """
     if stamp_ns is None:
         return None
     clocked = [batch for _, batch in parts if batch.clock != Clock.NONE]
     first = [int(batch.frames.t_end[0]) for batch in clocked if len(batch.frames)]
     first += [batch.gaps[0].t_ns for batch in clocked if len(batch.gaps)]
-    return min((stamp_ns, *first))
+    begun = [int(b.frames.t_start[0]) for b in clocked if len(b.frames)]
+    is_of_first = any(t_ns <= stamp_ns for t_ns in begun)
+    return min(first) if is_of_first else min((stamp_ns, *first))
 
 
 class Slice:

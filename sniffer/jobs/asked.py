@@ -15,7 +15,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.sought import Finder
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window
+from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, SINCE, CapturePlace, Window
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
@@ -75,6 +75,12 @@ class Extract:
         """Whether it begins or ends at a time of day, or on a day."""
         return any(p is not None and p.kind in (OF_DAY, MOMENT) for p in (self.start, self.stop))
 
+    @property
+    def _is_placed(self) -> bool:
+        """Whether an end of it is told otherwise than by its second, or is moved."""
+        ends = [place for place in (self.start, self.stop) if place is not None]
+        return bool(self.around_ns) or any(place.kind != SINCE for place in ends)
+
     def __str__(self) -> str:
         start = "its beginning" if self.start is None else _words(self.start)
         stop = "its end" if self.stop is None else _words(self.stop)
@@ -116,9 +122,11 @@ class Extract:
             dated = begin is not None and begin.kind in (OF_DAY, MOMENT) and not begin.sought
             early = dated and start is not None and first_ns is not None and start < first_ns
             behind = "; its first byte came after that: nothing in front is left out"
-            tell.talk(f"a part of it: {self}{behind if early else ''}")
+            told_of = _in_seconds(first_ns or 0, start, stop) if self._is_placed else ""
+            tell.talk(f"a part of it: {self}{told_of}{behind if early else ''}")
+            of_whole = {"first_ns": first_ns, "from_ns": start, "to_ns": stop}
             for sink in told:
-                sink.narrow({"part": str(self), "from_ns": start, "to_ns": stop})
+                sink.narrow({"part": str(self), **of_whole})
             return start, stop
 
         return Narrowing(Slice(ends, str(self)), choose)
@@ -193,6 +201,19 @@ def _words(place: CapturePlace) -> str:
     if place.sought == END:
         return f"{place.number / 1e9:g} s before its end"
     return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
+
+
+def _in_seconds(first_ns: int, start: int | None, stop: int | None) -> str:
+    """Return in which seconds of the capture a part of it lies, such that they have all of it."""
+    least = "" if start is None else _second(max(start - first_ns, 0) // 1000)
+    most = "" if stop is None else _second(max(-((first_ns - stop) // 1000), 0))
+    if least and most:
+        return f", second {least} to {most}"
+    return f", from second {least} on" if least else f", up to second {most}"
+
+
+def _second(microseconds: int) -> str:
+    return f"{microseconds / 1e6:.6f}".rstrip("0").rstrip(".")
 
 
 class _First:

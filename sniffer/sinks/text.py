@@ -71,8 +71,8 @@ _STYLES: Final = {
 
 
 ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
-"""What the time of a line counts from: the clock's own zero, the first line, the line before of
-the same bus."""
+"""What the time of a line counts from: the clock's own zero, the first line of the capture, the
+line before of the same bus."""
 
 
 class _Laid(NamedTuple):
@@ -157,6 +157,8 @@ class TextSink:
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what of it is written: instead of a summary of all, that is told at the end."""
         self._summary.narrow(told)
+        if "part" in told and self._times == RELATIVE:
+            self._first_ns = told["first_ns"] or 0
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take a line for each frame and gap of the batch, in wire order."""
