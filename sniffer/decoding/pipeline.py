@@ -248,6 +248,8 @@ class Pipeline:
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
             self._deliver(bus, parts_of(decoder, decoder.close()))
+        for bus, parts in self.narrowing.rest() if self.narrowing is not None else ():
+            self._write(bus, parts)
         for mistake in self.mistaken():
             self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         for bus, decoder in self._decoders.items():
@@ -386,6 +388,7 @@ class Pipeline:
         """Tell the sinks that a pass is over, and what of it is not decided."""
         waits = {bus for bus, decoder in self._decoders.items() if decoder.pending}
         waits |= {bus for bus, chunks in self._waiting.items() if any(c.data for c in chunks)}
+        waits |= self.narrowing.open_buses if self.narrowing is not None else set()
         self._each(functools.partial(over, until_ns=until_ns, open_buses=waits))
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -398,8 +401,13 @@ class Pipeline:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
         self.summary.begin(parts)
-        if self.narrowing is not None and not (parts := self.narrowing.of(bus, parts)):
+        if self.narrowing is None:
+            self._write(bus, parts)
             return
+        for told in self.narrowing.passes(bus, parts):
+            self._write(bus, told)
+
+    def _write(self, bus: str, parts: Sequence[Part]) -> None:
         for protocol, batch in parts:
             self.summary.add(bus, protocol, batch)
         self._each(functools.partial(written, bus=bus, parts=parts))

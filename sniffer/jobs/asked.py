@@ -36,9 +36,13 @@ class Extract:
     start: CapturePlace | None = None
     stop: CapturePlace | None = None
     around_ns: int = 0
+    context: int = 0
+    """How many lines are shown before and behind each that is selected."""
 
     @classmethod
-    def of(cls, selection: Selection | None, window: Window | None) -> Extract | None:
+    def of(
+        cls, selection: Selection | None, window: Window | None, context: int = 0
+    ) -> Extract | None:
         """Return what is asked for, None for all of a capture.
 
         Raises:
@@ -52,7 +56,7 @@ class Extract:
         start, stop = (window or Window()).places()
         if selection is None and start is None and stop is None:
             return None
-        return cls(selection, start, stop, 0 if window is None else window.around_ns)
+        return cls(selection, start, stop, 0 if window is None else window.around_ns, context)
 
     @property
     def is_part(self) -> bool:
@@ -110,11 +114,13 @@ class Extract:
         """Return what does it in a pipeline; the sinks are told, and so is who reads along."""
         told = [sink for sink in sinks if isinstance(sink, Narrowed)]
         if self.selection is not None:
+            rows = {"where": self.selection.text, "tables": list(self.selection.tables)}
+            beside = {"context": self.context} if self.context else {}
             for sink in told:
-                sink.narrow({"where": self.selection.text, "tables": list(self.selection.tables)})
+                sink.narrow({**rows, **beside})
         choose = None if self.selection is None else self.selection.rows
         if not self.is_part:
-            return Narrowing(None, choose)
+            return Narrowing(None, choose, self.context)
 
         def ends(first_ns: int | None) -> tuple[int | None, int | None]:
             start, stop = self.ends(first_ns)
@@ -129,7 +135,7 @@ class Extract:
                 sink.narrow({"part": str(self), **of_whole})
             return start, stop
 
-        return Narrowing(Slice(ends, str(self)), choose)
+        return Narrowing(Slice(ends, str(self)), choose, self.context)
 
     def sought_in(self, opened: Source, options: Options) -> Extract:
         """Return it with all places found; the source is read once, as far as need be.
