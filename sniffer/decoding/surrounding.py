@@ -70,7 +70,7 @@ def _told(batch: Batch) -> Iterator[tuple[I64, Mask]]:
 
 
 @dataclass(slots=True)
-class _OneBus:
+class _AroundOnBus:
     """What waits of a bus, and how far behind the last line that is selected the next one is."""
 
     waiting: list[_Lines] = field(default_factory=list)
@@ -82,7 +82,7 @@ class Surroundings:
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._buses: dict[str, _OneBus] = {}
+        self._buses: dict[str, _AroundOnBus] = {}
 
     @property
     def open_buses(self) -> set[str]:
@@ -91,7 +91,7 @@ class Surroundings:
 
     def of(self, bus: str, parts: Sequence[Part]) -> list[list[Part]]:
         """Take a pass; return those that nothing behind them can change any more."""
-        one = self._buses.setdefault(bus, _OneBus())
+        one = self._buses.setdefault(bus, _AroundOnBus())
         lines = _Lines.of(parts)
         size, rows = len(lines.order), np.flatnonzero(lines.is_meant)
         lines.is_near = self._near(size, rows)
