@@ -110,6 +110,12 @@ WEIGHTS: Final = (
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.5, "it goes away at even times, as restarts come"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
+        ("start-takes-long", 4.0, "it starts because it is told to, and takes long"),
+        (
+            "started-when-missing",
+            -2.5,
+            "it starts because it is told to, when an answer is missing",
+        ),
         ("torque-survives", -5.0, "its torque is on when it is back: it was not without power"),
         ("voltage-sag", -2.5, "its supply is low then"),
         ("device-safe-mode", -1.5, "it protects itself first: something is wrong around it"),
