@@ -324,6 +324,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("away-for-a-while", 0.5, "it is away for moments"),
         ("away-for-long", 0.8, "it is unplugged for a while"),
         ("all-away-at-once", 1.0, "the cable to all of them opens"),
+        ("several-away-at-once", 1.5, "the cable to all of them opens"),
         ("answers-twice", -2.0, "a contact does not make a second answer"),
         ("answers-mixed", -2.0, "two answers at once explain it"),
         ("answers-always-torn", -2.0, "a contact holds now and then"),

@@ -24,6 +24,7 @@ from sniffer.diagnosis.evidence.cycles import (
     is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
+    motions,
     steps,
     turns,
     whole_cycles,
@@ -228,7 +229,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         return
     rests = case.ledger.exchanges.pauses
     longer = [p for p in rests if p.sure_ns >= LONGER * usual]
-    planned = steps(case, longer) | turns(case, longer)
+    planned = steps(case, longer) | turns(case, longer) | motions(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
