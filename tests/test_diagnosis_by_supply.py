@@ -1,4 +1,4 @@
-"""What else is known of missing or torn answers: the supply meanwhile, and which bytes are wrong."""
+"""What else is known of missing or torn answers: the supply, and which bytes are wrong."""
 
 from __future__ import annotations
 
