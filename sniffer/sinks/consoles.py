@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import textwrap
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console, ConsoleDimensions
 
@@ -37,22 +37,21 @@ def console_for(
     ``color`` None: on a terminal, unless ``NO_COLOR`` is set, or wherever ``FORCE_COLOR`` asks for
     it. True and False win over both.
     """
+    # a name that has brackets or colons is no markup and no picture
+    plain: dict[str, Any] = {
+        "file": stream,
+        "width": width,
+        "highlight": False,
+        "markup": False,
+        "emoji": False,
+    }
     if color is None:
-        return Console(file=stream, width=width, highlight=False)
+        return Console(**plain)
     if not color:
-        return Console(file=stream, width=width, highlight=False, color_system=None)
-    console = Console(
-        file=stream, width=width, highlight=False, force_terminal=True, no_color=False
-    )
+        return Console(**plain, color_system=None)
+    console = Console(**plain, force_terminal=True, no_color=False)
     if console.color_system is None:  # TERM=dumb, or none: sixteen colours are what all have
-        console = Console(
-            file=stream,
-            width=width,
-            highlight=False,
-            force_terminal=True,
-            no_color=False,
-            color_system="standard",
-        )
+        console = Console(**plain, force_terminal=True, no_color=False, color_system="standard")
     return console
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -14,9 +13,12 @@ from sniffer.diagnosis.shared import numbered
 from sniffer.ground.model import Severity, SnifferError
 from sniffer.ground.moments import of_day, with_day
 from sniffer.ground.wording import and_, counted
+from sniffer.sinks.consoles import console_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rich.console import Console
 
     from sniffer.diagnosis import Finding, Incident
     from sniffer.diagnosis.rest import Rest
@@ -51,7 +53,7 @@ def print_incidents(
     ``shared`` are incidents of several buses that are likely one fault: the surest of one cause is
     told at length, the others by their heads.
     """
-    console = console or Console(highlight=False)
+    console = console or console_for()
     names = names or ServoNames()
     rest, incidents = rest.named(names), [i.named(names) for i in incidents]
     incidents = sorted(incidents, key=lambda i: i.severity == Severity.NOTE)  # the others first
@@ -210,7 +212,7 @@ def print_weighing(
     Raises:
         SnifferError: there is no incident of that number.
     """
-    console = console or Console(highlight=False)
+    console = console or console_for()
     incident = next((i for i in incidents if str(i.number) == number), None)
     if incident is None:
         known = f"1 to {len(incidents)}" if incidents else "none: nothing is wrong"
