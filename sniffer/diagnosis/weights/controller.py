@@ -216,6 +216,7 @@ WEIGHTS: Final = (
     *for_(
         "position-jump",
         ("goal-jump", 3.5, "one step far beyond all others"),
+        ("goals-in-turns", 4.5, "two programs state its goals in turns"),
         ("goal-beyond-range", -0.5, "goals out of range are a fault of their own"),
         ("device-overload", 0.3, "the servo is to hasten to a goal far away"),
         ("device-recovered", 0.1, "the servo has come to its goal"),
