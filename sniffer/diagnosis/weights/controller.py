@@ -249,6 +249,13 @@ WEIGHTS: Final = (
     *for_(
         "malformed-command",
         ("odd-commands", 3.0, "requests that hold, and are not as the manual has them"),
+        ("items-misread", 4.5, "values are read as ids: items are not as long as the command says"),
+        ("value-out-of-range", 0.3, "what is misread is any number"),
+        ("joint-limp", 0.3, "a goal that is misread moves nothing"),
+        ("joint-not-following", 0.3, "a goal that is misread moves nothing"),
+        ("joint-stalled", 0.3, "a goal that is misread moves nothing"),
+        ("goals-in-turns", 0.3, "goals and what is misread come in turns"),
+        ("goal-jump", 0.3, "what is misread is another goal"),
         ("malformed-body", 1.0, "frames whose body their command cannot have"),
         ("unknown-command", 1.0, "commands that stand in no manual"),
         ("modifier-misused", 3.0, "a modifier that the command does not have"),

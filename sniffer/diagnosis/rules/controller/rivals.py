@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
+from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.milli import MILLI
 
@@ -39,7 +40,9 @@ that tremble by chance have one in fourteen."""
 
 def goals_in_turns(case: Case) -> Iterator[Finding]:
     """Find servos whose goals are stated by two."""
-    for servo in case.measured_by("goal_position") if case.has_clock else ():
+    if not case.has_clock or misaddressed(case):
+        return
+    for servo in case.measured_by("goal_position"):
         for goals in case.every(servo, "goal_position"):
             back = case.ledger.goals_back.of(servo, goals.index)
             if back.n < max(LEAST, PART * back.of) or may_be_torn(case, back.n):
