@@ -169,6 +169,7 @@ WEIGHTS: Final = (
     *for_(
         "controller-stall",
         ("loop-stalls", 3.5, "its loop stops, and nothing was missing"),
+        ("waits-alike", 3.5, "it waits as long each time, and nothing was missing on this wire"),
         ("tap-was-late", -1.0, "the tap itself was late"),
         ("clock-stepped", -2.0, "the clock of the input was set"),
         ("goal-jump", 0.2, "behind a stop the goals are far from where it left"),
