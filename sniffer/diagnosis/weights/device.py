@@ -136,6 +136,7 @@ WEIGHTS: Final = (
         ("voltage-sag", -1.0, "its supply was low before"),
         ("silent-at-old-rate", -3.0, "it was told another rate"),
         ("old-id-asked", -3.0, "it was given another id"),
+        ("both-ids-asked", -3.0, "it was given another id, and answers by it"),
         ("silent-since-an-order", -1.0, "it was told something just before"),
         ("silent-in-other-mode", -3.0, "it was told to leave this protocol"),
     ),
@@ -145,6 +146,7 @@ WEIGHTS: Final = (
         ("no-response", 0.6, "requests without an answer"),
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("old-id-asked", -3.0, "its id was given away"),
+        ("both-ids-asked", -3.0, "its id was given away"),
     ),
     *for_(
         "torque-off",
