@@ -69,6 +69,7 @@ WEIGHTS: Final = (
         ("complaints-together", 2.5, "several complain at once: they share a supply"),
         ("all-away-at-once", 1.0, "all go away at once: they share a supply"),
         ("away-for-long", -2.5, "a supply that sags is back in moments, a servo in seconds"),
+        ("outages-by-place", 1.5, "it carries more there"),
         ("supply-steady", -2.0, "its supply was in order before it fell silent"),
         ("temperature-high", -0.5, "it may protect itself for heat instead"),
         ("one-question-unanswered", -4.0, "without its supply it answers no question"),
@@ -107,6 +108,7 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -6.0, "who restarts answers no question meanwhile"),
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.5, "it goes away at even times, as restarts come"),
+        ("outages-by-place", 0.5, "it carries more there"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
         ("start-takes-long", 4.0, "it starts because it is told to, and takes long"),
         (
@@ -377,6 +379,7 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -6.0, "a contact does not choose a question"),
         ("outages-evenly", -1.2, "a contact opens at any time"),
         ("outages-anytime", 0.5, "a contact opens at any time"),
+        ("outages-by-place", 1.5, "it opens where a cable is bent"),
         ("torn-when-away", 0.8, "it opens within answers"),
         ("others-away-too", 1.5, "others go away as often: they share wires, not what they are"),
         ("torque-survives", 1.5, "it kept its power: only its line was open"),
