@@ -9,6 +9,7 @@ SHARE ?= $(HOME)/.local/share
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
+INSTALL ?= $(PIP) install --quiet
 PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 # protoc 26: what it generates runs with protobuf 5, 6 and 7; later ones ask for their own version.
 PROTOC := build/protoc
@@ -46,7 +47,7 @@ test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, i
 	$(PYTEST) $(QUICK) $(PYTEST_ARGS)
 
 test-ray: $(VENV)/.dev ## fleets on Ray, which is installed for it (0.3 GB)
-	$(PIP) install --quiet --editable '.[dev,ray]'
+	$(INSTALL) --editable '.[dev,ray]'
 	$(BIN)/python -m pytest tests/test_fleet_ray.py $(PYTEST_ARGS)
 
 coverage: $(VENV)/.dev ## the branches of the core that its tests take; fails below 95 %
@@ -129,9 +130,9 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.run: pyproject.toml | $(BIN)/python
-	$(PIP) install --quiet --editable .
+	$(INSTALL) --editable .
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
-	$(PIP) install --quiet --editable '.[dev]'
+	$(INSTALL) --editable '.[dev]'
 	@touch $(VENV)/.run $@

@@ -15,7 +15,7 @@ from tests.diagnosed import codes, verdicts
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
-    from sniffer.diagnosis.rules.pairing.outages import LostAnswers
+    from sniffer.diagnosis.evidence.lost import LostAnswers
 
 DELAY_MS: Final = {1: 0.55, 2: 0.35, 3: 0.75, 4: 0.9}
 """How soon the servos answer."""

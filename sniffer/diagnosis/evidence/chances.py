@@ -17,7 +17,11 @@ TORN: Final = ("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idl
 """Codes of bytes that are no frame."""
 
 BY_CHANCE: Final = 64
-"""Of so many torn frames one may hold: a checksum has seven or eight bits, and some have none."""
+"""Of so many torn frames one may hold: a checksum has seven or eight bits."""
+
+UNCHECKED: Final = 8
+"""The same of lines of text without one, and of one form: four in ten hold with a bit turned, most
+of these as what they were, with another number."""
 
 OFTEN: Final = 3
 """A frame that holds by chance does not come again; a mistake in a program does."""
@@ -73,4 +77,5 @@ def sureness(chance: float, enough: float = 1e-6) -> float:
 def may_be_torn(case: Case, count: int) -> bool:
     """Tell whether so many frames may be torn ones that hold by chance, as one in 256 does."""
     torn = case.count(*TORN)
-    return torn >= OFTEN and count <= 1 + torn // BY_CHANCE
+    is_checked = case.has_checksum or case.has_bare_answers
+    return torn >= OFTEN and count <= 1 + torn // (BY_CHANCE if is_checked else UNCHECKED)

@@ -12,10 +12,12 @@ Neither is a second answer to the request before, nor was it torn by one.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.ledger.damage import IN_IDLE, IN_REQUEST
 from sniffer.diagnosis.physics.comparing import is_altered
+from sniffer.diagnosis.physics.misread import BITS_FEW, misread
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Set
@@ -52,12 +54,15 @@ def _heard(case: Case) -> HeardWhole:
     if not case.has_bare_answers or not size:
         return HeardWhole(frozenset(), frozenset())
     known = {*case.ledger.exchanges.kinds.requests, *case.ledger.damages.likes.known}
-    in_one_go = {
-        d.at
+    joined = [
+        replace(d, got=d.got[:-size], length=d.length - size)
         for d in case.damages
-        if d.turn == IN_REQUEST and not d.alike and d.length == len(d.got)
-        if _is_nearly(d.got[:-size], known)
-    }
+        if d.turn == IN_REQUEST and not d.alike and d.length == len(d.got) > size
+    ]
+    # one bit turned, and it holds: what it states may be anything
+    turned = (m for m in misread(case.protocol, joined, {}, len(joined)) if m.shape == BITS_FEW)
+    in_one_go = {m.damage.at for m in turned}
+    in_one_go |= {d.at for d in joined if _is_nearly(d.got, known)}
     pairs = [
         (d.at, behind.at)
         for d, behind in itertools.pairwise(case.damages)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.tracks import FAR, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.returns import TURN
@@ -39,6 +40,9 @@ SOON_NS: Final = NS // 4
 LATER_NS: Final = 2 * NS
 """The same where its goals are known, and none was there."""
 
+BY_CHANCE: Final = 1e-3
+"""How likely jumps may be as far as bits are worth by chance, for bits to be what jumped."""
+
 BACK: Final = 0.25
 """A value is back if no more than this part of the jump is left."""
 
@@ -61,6 +65,35 @@ def _jumping(case: Case) -> Mapping[int, tuple[Series, Sequence[Leap]]]:
     return out
 
 
+def altered(case: Case) -> Mapping[int, Sequence[Leap]]:
+    """Return of each servo the jumps that altered bits of answers without a checksum make.
+
+    A servo's sensor jumps to anywhere; each bit of a number is worth twice the one before.
+    """
+    return {} if case.has_checksum else case.once(_altered)
+
+
+def _altered(case: Case) -> Mapping[int, Sequence[Leap]]:
+    out: dict[int, Sequence[Leap]] = {}
+    for servo, (p, jumps) in jumping(case).items():
+        usual, span, least = float(np.quantile(p.step, USUAL)), _span(p), _least(p)
+        # numbers are whole, and the way between two others bends
+        near = (p.scale + usual) / 2
+        bits = [b for k in range(16) if (b := p.scale * (1 << k)) <= span]
+        steps = case.ledger.steps.of(servo, p.index)
+        by_a_bit = [s for s in jumps if any(abs(_beside(s, steps) - b) <= near for b in bits)]
+        likely = sum(b >= least for b in bits) * 2 * near / (span - least)
+        if at_least(len(by_a_bit), len(jumps), min(likely, 1.0)) < BY_CHANCE:
+            out[servo] = by_a_bit
+    return out
+
+
+def _beside(s: Leap, steps: Sequence[Leap]) -> float:
+    """Return how far a value is from the middle of those before and behind it, in its unit."""
+    back = next((b.after for b in steps if b.t_ns - b.took_ns == s.t_ns), s.before)
+    return abs(s.after - (s.before + back) / 2) / MILLI
+
+
 def altered_bare(case: Case) -> int:
     """Return of how many servos bare answers are altered, as their values show; one proves nothing.
 
@@ -74,15 +107,13 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
     """Return the steps that no joint does."""
     if len(p) < 8:
         return []
-    usual = float(np.quantile(p.step, USUAL))
-    span = _span(p)
+    span, least = _span(p), _least(p)
     joint = track(case, servo)
     out: list[Leap] = []
     ways_back: set[int] = set()
     for k, s in enumerate(steps):
         size = s.size / MILLI
         wraps = p.register.range is not None and size > TURN * span
-        least = max(AHEAD * usual, LEAST_SHARE * span, FAR.get(p.unit, 0.0))
         if size < least or wraps or s.at in ways_back:
             continue
         follows = steps[k + 1] if k + 1 < len(steps) else None
@@ -114,6 +145,12 @@ def _trips(case: Case, servo: int, p: Series) -> Iterator[Leap]:
         was_told = joint is not None and is_told and _was_told(joint, out, before_ns)
         if out.size >= least and not wraps and not was_told:
             yield out
+
+
+def _least(p: Series) -> float:
+    """Return how far no joint goes between two values, by how far it usually does."""
+    usual = float(np.quantile(p.step, USUAL))
+    return max(AHEAD * usual, LEAST_SHARE * _span(p), FAR.get(p.unit, 0.0))
 
 
 def _span(p: Series) -> float:

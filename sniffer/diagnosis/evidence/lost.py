@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.evidence.jumping import altered
 from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
@@ -36,13 +37,15 @@ class LostAnswers:
         begun = late.back_ns or 0 if late else 0
         events = events.take((events.t_ns < until) & (events.t_ns >= begun))
         self.servo = servo
-        self.ok = int(a["ok"][mine].sum())
-        self.torn = int(a["damaged"][mine].sum())
+        bits = altered(case).get(servo, ())
+        self.ok = int(a["ok"][mine].sum()) - len(bits)
+        self.torn = int(a["damaged"][mine].sum()) + len(bits)
         self.missing = int(a["missing"][mine].sum()) - (late.missed if late else 0)
-        self.bad = min(self.missing + self.torn, len(events))
-        order = np.argsort(events.t_ns, kind="stable")
-        self.times: I64 = events.t_ns[order]
-        self.at: I64 = events.at[order]
+        self.bad = min(self.missing + self.torn, len(events) + len(bits))
+        times = np.concatenate([events.t_ns, np.array([s.t_ns for s in bits], np.int64)])
+        order = np.argsort(times, kind="stable")
+        self.times: I64 = times[order]
+        self.at: I64 = np.concatenate([events.at, np.array([s.at for s in bits], np.int64)])[order]
         # Losses in a row are one moment: it was not asked between them.
         asked = max(self.ok + self.bad, 1)
         self.turn_ns = (case.last_ns - case.first_ns) / asked

@@ -88,6 +88,7 @@ def misread(
     protocol: BusProtocol,
     damages: Iterable[Damage],
     known: Mapping[bytes, tuple[bytes, ...]],
+    most: int = OF_EACH,
 ) -> list[Misread]:
     """Return the first torn frames of each sender by their bits.
 
@@ -95,8 +96,9 @@ def misread(
         protocol: tells what holds.
         damages: torn places.
         known: answers of servos by the request.
+        most: so many of each sender.
     """
-    torn = _first_of_each(damages)
+    torn = _first_of_each(damages, most)
     alike = [alike_of(d, known) for d in torn]
     tried = [
         d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
@@ -144,7 +146,7 @@ def _strange(d: Damage, signs: frozenset[int]) -> Misread | None:
     return Misread(d, BITS_FEW, flips, bytes(meant), flips[0].bit if len(flips) == 1 else -1)
 
 
-def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
+def _first_of_each(damages: Iterable[Damage], most: int) -> list[Damage]:
     """Return the first torn frames of each servo, and of the controller."""
     met: dict[int, int] = {}
     out = []
@@ -152,7 +154,7 @@ def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
         if d.turn in (IN_REPLY, IN_REQUEST):
             sender = d.servo_id if d.turn == IN_REPLY else -1
             met[sender] = met.get(sender, 0) + 1
-            if met[sender] <= OF_EACH:
+            if met[sender] <= most:
                 out.append(d)
     return out
 

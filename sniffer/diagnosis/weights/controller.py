@@ -242,6 +242,7 @@ WEIGHTS: Final = (
         ("joint-not-following", 0.5, "half a goal moves nothing"),
         ("goal-jump", 0.3, "half a goal is another goal"),
         ("doubtful-value", 0.1, "half a goal is another goal"),
+        ("position-jumps", 0.2, "a joint goes where half a goal sends it"),
         ("device-range", 0.4, "the servo refuses the length"),
         ("device-packet-not-processable", 0.4, "the servo refuses the packet"),
         ("refuses-command", 0.4, "the servo refuses the packet"),

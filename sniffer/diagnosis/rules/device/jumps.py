@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import TORN
-from sniffer.diagnosis.evidence.jumping import comes_back, jumping
+from sniffer.diagnosis.evidence.jumping import altered, comes_back, jumping
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.milli import MILLI
 
@@ -25,6 +25,11 @@ FINDINGS: Final = (
         "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there; or a step and one back within a quarter second, whatever the goals, both faster than 500 degrees (133 mm) a second. Where no clock tells: away and back within eight values, four times beyond all other steps, and no goal there. All beyond 4 degrees (0.8 mm) and 4 % of the range.",
         remedy="Look at the servo's position sensor (a worn potentiometer jumps) and at its gear; let the controller not act on a single position.",
         settle="Turn the joint slowly by hand with torque off: a worn sensor jumps at the same places.",
+    ),
+    FindingCode(
+        "values-altered",
+        "Values of a servo are one bit off, and back with the next one, in a protocol whose answers have no checksum.",
+        "A position that jumps and comes back, by as much as one bit of the number is worth: of several jumps so many that chance has it once in a thousand times.",
     ),
     FindingCode(
         "doubtful-value",
@@ -50,12 +55,14 @@ def positions(case: Case) -> Iterator[Finding]:
 def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding:
     first = jumps[0]
     # damage that passes for a value comes with damage that does not
+    by_a_bit = servo in altered(case)
     guarded = case.has_checksum or (len(jumps) > 1 and not case.count(*TORN))
     to = f"{p.told(first.before / MILLI)} to {p.told(first.after / MILLI)}"
     took = f" within {first.took_ns / 1e6:.0f} ms" if case.has_clock else ""
     often = "" if len(jumps) == 1 else f", {len(jumps)} times"
+    often += f", {len(altered(case)[servo])} times as far as one bit is worth" if by_a_bit else ""
     return Finding(
-        "position-jumps" if guarded else "doubtful-value",
+        "values-altered" if by_a_bit else "position-jumps" if guarded else "doubtful-value",
         servo,
         first.t_ns,
         jumps[-1].t_ns,

@@ -298,6 +298,7 @@ def load(case: Case) -> Iterator[Finding]:
         if not stretches:
             short = _long(motor, m >= levels[0][0], SAVED_NS, SELDOM_NS)
             stretches = [x for x in short if _is_saved(case, servo, int(s.t[x[1] - 1]))]
+        stretches = [x for x in stretches if not _sees_starts(case, servo, s, *x)]
         if not stretches:
             continue
         longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
@@ -319,6 +320,16 @@ def load(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} at {motor.told(most)}",
             episodes=tuple((int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches),
         )
+
+
+def _sees_starts(case: Case, servo: int, s: Series, first: int, behind: int) -> bool:
+    """Tell whether a goal jumped before nearly each look of a stretch: these show starts alone."""
+    joint = track(case, servo)
+    if joint is None:
+        return False
+    goal = joint.goal
+    then = (goal.t >= s.t_first[first] - APART_NS) & (goal.t_first <= s.t[behind - 1])
+    return int((goal.step[then] > joint.far).sum()) >= int(s.n[first:behind].sum()) - 1
 
 
 def _is_saved(case: Case, servo: int, end_ns: int) -> bool:

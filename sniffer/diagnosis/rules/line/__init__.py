@@ -8,6 +8,7 @@ from sniffer.diagnosis.rules.line import (
     bits,
     crossings,
     damaged,
+    drift,
     ends,
     foreign,
     held,
@@ -15,6 +16,7 @@ from sniffer.diagnosis.rules.line import (
     motors,
     rates,
     rhythms,
+    strays,
     streams,
     unknown,
 )
@@ -23,6 +25,7 @@ PARTS: Final = (
     bits,
     crossings,
     damaged,
+    drift,
     ends,
     foreign,
     held,
@@ -30,6 +33,7 @@ PARTS: Final = (
     motors,
     rates,
     rhythms,
+    strays,
     streams,
     unknown,
 )

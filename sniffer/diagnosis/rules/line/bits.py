@@ -8,22 +8,16 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
-from sniffer.diagnosis.evidence.placed import finding_of
-from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.ledger.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.physics.clocks import LEAST as SHORTEST
-from sniffer.diagnosis.physics.clocks import LOOKED, clock_of
-from sniffer.diagnosis.physics.misread import BITS_FEW, alike_of
+from sniffer.diagnosis.physics.misread import BITS_FEW
 from sniffer.diagnosis.physics.seen import BITS, chance_of
-from sniffer.ground.codes import REQUEST
-from sniffer.protocols.base import answer_begins
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.ledger.damage import Damage
     from sniffer.diagnosis.physics.misread import Flip, Misread
     from sniffer.diagnosis.rules import Rule
 
@@ -56,11 +50,6 @@ FINDINGS: Final = (
         "last-bits",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
         "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones; or the checksums of eight torn answers and more are right in bits 0 to 2 and wrong behind, in several ways.",
-    ),
-    FindingCode(
-        "clock-off",
-        "The torn answers of a servo are what a tap hears of a clock that is so much off.",
-        "Its sound answers (where none was sound, with what the request has an answer begin), played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
     ),
 )
 
@@ -119,7 +108,7 @@ def bits(case: Case) -> Iterator[Finding]:
     ups = sum(f.up for f in every)
     n, most = len(every), max(ups, len(every) - ups)
     way = "0 as 1" if ups == most else "1 as 0"
-    chance = at_least(most, n, LEANING)
+    chance = at_least(most, n, _leaning(read, up=ups == most))
     if n >= ONE_WAY and most >= PURE_WAY * n:
         yield bits_finding(
             "one-way-bits",
@@ -139,6 +128,19 @@ def bits(case: Case) -> Iterator[Finding]:
             sureness(at_least(lags, len(known), 0.5) * chance, CHANCE)
             * min(len(read) / (PART_BITS * len(case.misreads)), 1.0),
         )
+
+
+def _leaning(read: Sequence[Misread], *, up: bool) -> float:
+    """Return how likely noise that prefers one direction has a bit of some frames go that way.
+
+    A frame that is mostly zeros has more of them to be read as ones. What stands before the first
+    byte that was hit is not seen to be: without its header nothing is a frame.
+    """
+    first = min((k for m in read for k in m.bytes_hit), default=0)
+    bits = [(8 * len(m.meant[first:]), int.from_bytes(m.meant[first:]).bit_count()) for m in read]
+    every, ones = (sum(column) for column in zip(*bits, strict=True))
+    share = (every - ones if up else ones) / every if every else 0.5
+    return LEANING * share / (LEANING * share + (1 - LEANING) * (1 - share))
 
 
 def _at_the_turn(read: Sequence[Misread]) -> bool:
@@ -308,63 +310,6 @@ def wide_errors(case: Case) -> Iterator[Finding]:
     )
 
 
-def clocks(case: Case) -> Iterator[Finding]:
-    """Find servos whose torn answers are those of a clock that is off."""
-    known = case.ledger.damages.likes.known
-    like: dict[bytes, tuple[bytes, ...]] = {}
-    for servo in case.servos:
-        torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
-        share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
-        # what stands behind a request to it, and need not be answered, may be its answer as well
-        own = sum(
-            d.turn == IN_REQUEST and d.behind == REQUEST and d.asked_id == servo
-            for d in case.damages
-        )
-        rest = (len(case.damages) - len(torn) - own + 1) / max(case.ledger.frames, 1)
-        if len(torn) < SAME or share < APART / 2 * rest:
-            continue
-        told = [(d.got, sound) for d in torn if (sound := _sound(case, d, known, like))]
-        # it wanders while it warms up
-        spread = told[:: -(-len(told) // LOOKED)] if told else ()
-        found = clock_of(tuple(spread))
-        if found is None or found.explained < SAME:
-            continue
-        slow = "slower" if found.off > 0 else "faster"
-        yield finding_of(
-            torn,
-            "clock-off",
-            servo,
-            f"{found.explained} of {found.tried} torn answers of servo {servo} are what a tap hears "
-            f"of a clock that is {abs(found.off):.1%} {slow}",
-            "a torn answer",
-            strength=min(0.5 + found.explained / 16, 1.0),
-            brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
-            values=(("off", found.off),),
-        )
-
-
-def _sound(
-    case: Case,
-    d: Damage,
-    known: Mapping[bytes, tuple[bytes, ...]],
-    like: dict[bytes, tuple[bytes, ...]],
-) -> tuple[bytes, ...]:
-    """Return what a torn answer may have been: what was heard sound, else what must begin one.
-
-    Nothing where that is too short to be compared. ``like`` keeps what others were told of the same
-    request.
-    """
-    if not d.alike and d.asked in like:
-        return like[d.asked]
-    found = alike_of(d, known)
-    if not found and d.asked:
-        found = (answer_begins(case.protocol, d.asked),)
-    found = found if min(map(len, found), default=0) >= SHORTEST else ()
-    if not d.alike:
-        like[d.asked] = found
-    return found
-
-
 def bits_finding(
     code: str, read: Sequence[Misread], what: str, brief: str, strength: float
 ) -> Finding:
@@ -390,5 +335,5 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, late_bits, last_bits, wide_errors, clocks)
+RULES: Final[tuple[Rule, ...]] = (bits, late_bits, last_bits, wide_errors)
 """The rules of this area."""

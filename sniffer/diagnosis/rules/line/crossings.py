@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import alike, header_of
+from sniffer.diagnosis.physics.misread import BITS_FEW, misread
 from sniffer.diagnosis.physics.overlaid import of_two
 from sniffer.diagnosis.rules.line.ends import may_be_cut
 from sniffer.ground.codes import RESPONSE
@@ -130,6 +131,8 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and is_two(d, d.alike, known, shared)
     ]
+    if _are_altered(case, into):
+        return
     every = sorted((*into, *answers), key=lambda d: d.at)
     requests = sum(d.turn == IN_REQUEST for d in torn)
     if not into or len(every) < SELDOM * len(torn):
@@ -150,6 +153,15 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         ),
         brief=f"{len(into)} requests run into each other",
     )
+
+
+def _are_altered(case: Case, torn: Sequence[Damage]) -> bool:
+    """Tell whether one misread bit explains most of some torn frames: nobody spoke into these.
+
+    Of a line of text it is the one sign that stands in no line.
+    """
+    read = misread(case.protocol, torn, case.ledger.damages.likes.known)
+    return 2 * sum(m.shape == BITS_FEW and len(m.flips) == 1 for m in read) > len(read)
 
 
 def overlaid(case: Case) -> Iterator[Finding]:

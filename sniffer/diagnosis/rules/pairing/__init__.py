@@ -14,6 +14,7 @@ from sniffer.diagnosis.rules.pairing import (
     silent,
     unanswered,
     unasked,
+    waking,
 )
 
 PARTS: Final = (
@@ -26,4 +27,5 @@ PARTS: Final = (
     silent,
     unanswered,
     unasked,
+    waking,
 )
