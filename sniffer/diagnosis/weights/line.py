@@ -260,6 +260,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("away-unevenly", 0.5, "requests are misread one by one"),
         ("outages-anytime", 0.5, "requests are misread one by one"),
         ("outages-evenly", -1.2, "requests are misread at any time"),
+        ("outages-by-place", -1.2, "requests are misread wherever joints stand"),
         ("away-alike", -2.0, "requests are misread one by one"),
         ("away-for-long", -2.5, "requests are misread one by one"),
         ("one-question-unanswered", -6.0, "a clock does not choose a question"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
-from sniffer.diagnosis.evidence.efforts import effort
+from sniffer.diagnosis.evidence.efforts import effort, stops_as_told
 from sniffer.diagnosis.evidence.hanging import hangs_behind, hangs_since_it_was_away
 from sniffer.diagnosis.evidence.tracks import LAG_NS, LOOKS, Away, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
@@ -30,7 +30,7 @@ FINDINGS: Final = (
     FindingCode(
         "joint-stalled",
         "A joint is far from its goal, does not come nearer, and its motor pushes.",
-        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error. It counts half where the joint each time came there by itself, on the way to one goal, and leaves with the next one.",
+        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error. It counts half where the joint each time came there by itself, on the way to one goal, and leaves with the next one; not where it has the current at which a modifier told it to stop.",
         settle="Ask whether it is meant to press there: a gripper that holds and a joint that homes against its stop look alike on the wire. If it is not, move the joint by hand with torque off.",
     ),
     FindingCode(
@@ -140,6 +140,8 @@ def following(case: Case) -> Iterator[Finding]:
             code = _kind(case, one, away)
             motor = effort(case, one.servo_id)
             if motor and code in ("joint-limp", "joint-not-following") and _presses(one, away):
+                continue
+            if motor and stops_as_told(case, one.servo_id, motor, away.first_ns, away.last_ns):
                 continue
             kinds.setdefault(code, []).append(away)
             if code.startswith("joint-limp") and motor:

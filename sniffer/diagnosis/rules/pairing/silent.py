@@ -318,7 +318,7 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
         how, strength = "evenly, as restarts do", sureness(so_alike(known), SELDOM)
     else:
         how, strength = (
-            "at any time, as a contact opens",
+            "without a rhythm, as a contact opens",
             (spread - (even + uneven) / 2) / (uneven - even),
         )
     yield Finding(
