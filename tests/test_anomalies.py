@@ -7,6 +7,7 @@ import pytest
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Severity
+from sniffer.sources.sides import handed_over
 from tests.streams.members import example
 from tests.streams.mightyzap import packet
 
@@ -182,6 +183,13 @@ def test_one_tap_that_calls_all_it_hears_rx_is_not_swapped() -> None:
 def test_a_time_without_a_word_about_its_clock_counts() -> None:
     found = anomalies(Chunk(READ, T0), Chunk(REPLY, T0 + 60 * MS))
     assert [a.code for a in found] == ["late-response"]
+
+
+def test_stamps_in_order_are_no_clock_that_steps_back_whenever_what_was_sent_was_over() -> None:
+    """A long write may have been over at its stamp, or when its last byte was."""
+    log = [at(0, READ * 20, Direction.TX), at(40, READ * 20, Direction.TX)]
+    log += [at(41, READ, Direction.TX), at(43, REPLY, Direction.RX)]
+    assert "clock-step" not in [a.code for a in anomalies(*handed_over(log, Direction.TX))]
 
 
 def test_a_clock_that_steps_back_is_noted() -> None:

@@ -189,6 +189,29 @@ WEIGHTS: Final = (
         ("bus-full", 3.5, "bytes are on the line nearly all the time"),
         ("clock-stepped", -2.0, "the clock of the input was set"),
     ),
+    *(
+        weight
+        for cause in ("brownout", "overheat", "overload")
+        for weight in for_(
+            cause, ("limit-set-beyond", -7.0, "what it complains of came with a limit, and alone")
+        )
+    ),
+    *for_(
+        "limit-misplaced",
+        ("limit-set-beyond", 6.0, "it complains since a limit was written"),
+        ("device-input-voltage", 0.3, "that limit is of its supply"),
+        ("voltage-sag", 0.3, "its supply is below that limit"),
+        ("supply-stays-low", -3.0, "its supply is far below what it was, whatever the limit"),
+        ("device-overheating", 0.3, "that limit is of its temperature"),
+        ("device-temperature-alarm", 0.3, "that limit is of its temperature"),
+        ("device-temperature-limit", 0.3, "that limit is of its temperature"),
+        ("temperature-high", 0.3, "its temperature is beyond that limit"),
+        ("temperature-rising", -3.0, "its temperature rises, whatever the limit"),
+        ("joint-limp-after-alarm", 0.3, "it switches its motor off for that"),
+        ("device-safe-mode", 0.2, "it protects itself for that"),
+        ("complaints-together", 0.1, "several were told so"),
+        ("device-recovered", 0.1, "it was written back"),
+    ),
     *for_(
         "goal-out-of-range",
         ("goal-beyond-range", 3.0, "goals outside the manual's range"),

@@ -22,6 +22,7 @@ WEIGHTS: Final = (
             cause,
             ("all-miss-alike", -3.5, "all servos miss as much: it is what they share"),
             ("first-behind-rest", -4.0, "while the line is at work nothing is missing"),
+            ("answers-every-nth", -7.0, "it counts: which request it leaves is no chance"),
         )
     ),
     *(
@@ -279,6 +280,7 @@ WEIGHTS: Final = (
         ("writes-read-only", -2.5, "it refuses what can only be read"),
         ("writes-part", -2.5, "it refuses half a register"),
         ("one-question-unanswered", 2.5, "it takes all questions but one"),
+        ("answers-every-nth", 4.5, "it takes one request of several, in turns"),
         ("odd-commands", -1.0, "what it leaves or refuses is not as the manual has it"),
         ("device-nack", 1.0, "it says no"),
         ("device-range", 1.0, "it says that there is no such address or value"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.diagnosis.rules.controller import (
+    beyond,
     breaking,
     everybody,
     forms,
@@ -24,6 +25,7 @@ from sniffer.diagnosis.rules.controller import (
 )
 
 PARTS: Final = (
+    beyond,
     breaking,
     everybody,
     forms,
