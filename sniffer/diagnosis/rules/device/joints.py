@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
 from sniffer.diagnosis.evidence.efforts import effort, stops_as_told
 from sniffer.diagnosis.evidence.hanging import hangs_behind, hangs_since_it_was_away
+from sniffer.diagnosis.evidence.lastbit import lacks_last_bit
 from sniffer.diagnosis.evidence.tracks import LAG_NS, LOOKS, Away, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.damage import IN_REQUEST, STRAYS
@@ -131,7 +132,7 @@ def following(case: Case) -> Iterator[Finding]:
     tracks = [t for t in (track(case, s) for s in case.servos) if t is not None]
     moved = any(_moves(t) for t in tracks)
     for one in tracks:
-        if may_be_torn(case, int(one.goal.n.sum())):
+        if may_be_torn(case, int(one.goal.n.sum())) or lacks_last_bit(case, one):
             continue  # what is read from and never sent anywhere has a goal by a torn request
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
