@@ -113,7 +113,6 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -6.0, "who restarts answers no question meanwhile"),
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.5, "it goes away at even times, as restarts come"),
-        ("outages-by-place", 0.5, "it carries more there"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
         ("start-takes-long", 4.0, "it starts because it is told to, and takes long"),
         (
