@@ -36,7 +36,7 @@ def lacks_last_bit(case: Case, one: JointTrack) -> bool:
     Who hangs somewhere does not move with them.
     """
     p, bit = one.position, LAST_BIT * one.position.scale
-    if case.has_checksum or p.high.max() >= bit:
+    if not case.has_bare_answers or p.high.max() >= bit:
         return False
     low, high = in_force(one.goal, p.t_first - LAG_NS, p.t)
     beyond = low >= bit
