@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 from typing import TYPE_CHECKING, Final
 
@@ -81,6 +82,9 @@ def test_a_rule_is_read_as_it_is_written(
         ("position_error > 5 for 1min", "position_error > 5 for 60s"),
         ("load != -3", "load != -3"),
         ("force_on == 0", "force_on == 0"),
+        ("arm:3 . voltage<9", "arm:3.voltage < 9"),
+        ("left knee.voltage < 9", "left knee.voltage < 9"),
+        ("left.knee.voltage < 9", "left.knee.voltage < 9"),
     ],
 )
 def test_a_rule_may_be_written_as_people_do(text: str, rule: str) -> None:
@@ -90,7 +94,6 @@ def test_a_rule_may_be_written_as_people_do(text: str, rule: str) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("knee.voltage < 9", "a rule names a servo by its id: write it like 'temperature > 70'"),
         ("hot", "is no rule: write it like 'temperature > 70'"),
         ("temperature = 70", "is no rule"),
         ("temperature > hot", "is no rule"),
@@ -98,6 +101,7 @@ def test_a_rule_may_be_written_as_people_do(text: str, rule: str) -> None:
         ("temperature > 70 for ever", "'ever' is no time: write 2s or 500ms"),
         ("temperature > 70 for 2", "'2' is no time"),
         ("256.temperature > 70", "an id is 0..255"),
+        ("arm:256.temperature > 70", "an id is 0..255"),
         ("x" * 100, "is no rule"),
     ],
 )
@@ -315,6 +319,70 @@ def test_a_recording_keeps_its_rules_and_meets_them_again(
         within(capsys, "decode", kept, "--format", "jsonl", "--alarm", "voltage < 1").out
     )
     assert not any(r.get("code") == "alarm" for r in other), "what is said now counts"
+
+
+def two_arms(path: Path) -> Path:
+    """Write down two buses that say the same, each with a servo 1 of 39 °C and more."""
+    left = log(talk(30))
+    path.write_text(left + left.replace(" bus0 #", " arm #"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("rule", "names", "who"),
+    [
+        ("arm:1.temperature > 38", (), {("arm", 1)}),
+        ("knee.temperature > 38", ("1=knee",), {("arm", 1), ("bus0", 1)}),
+        ("knee.temperature > 38", ("arm:1=knee",), {("arm", 1)}),
+        ("a.b.temperature > 38", ("arm:1=a.b", "bus0:2=a.b"), {("arm", 1), ("bus0", 2)}),
+    ],
+)
+def test_a_rule_names_a_servo_as_a_selection_does(
+    rule: str,
+    names: tuple[str, ...],
+    who: set[tuple[str, int]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, kept = two_arms(tmp_path / "x.log"), tmp_path / "x.mcap"
+    asked = ("--alarm", rule, *(word for name in names for word in ("--name", name)))
+    assert within(capsys, "decode", path, *asked, "-o", kept, "--quiet").status == 0
+    found = [r for r in records(within(capsys, "decode", kept, "--format", "jsonl").out)
+             if r.get("code") == "alarm"]  # fmt: skip
+    assert {(r["bus"], r["servo_id"]) for r in found} == who
+    assert all(r["detail"].startswith(f"{rule}: servo ") for r in found)
+    stats = json.loads(within(capsys, "stats", path, *asked, "--format", "json").out)
+    told = {(b["bus"], r["servo_id"]) for b in stats["buses"] for r in b["alarms"]}
+    assert told == who
+
+
+def test_a_rule_on_a_name_says_nobodys_name_where_a_capture_is_made_anonymous(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, kept = two_arms(tmp_path / "x.log"), tmp_path / "x.mcap"
+    asked = ("--alarm", "knee.temperature > 38", "--name", "arm:1=knee")
+    assert within(capsys, "convert", path, kept, *asked, "--anonymise", "-q").status == 0
+    assert b"knee" not in kept.read_bytes()
+    rows = records(within(capsys, "decode", kept, "--format", "jsonl").out)
+    found = [r for r in rows if r.get("code") == "alarm"]
+    assert {(r["bus"], r["servo_id"]) for r in found} == {("bus1", 1)}
+    assert found[0]["detail"].startswith("bus1:1.temperature > 38: servo 1 has ")
+
+
+@pytest.mark.parametrize(
+    ("rule", "status", "why"),
+    [
+        ("kne.load > 1", 2, "kne.load > 1: no servo is called 'kne': did you mean knee?"),
+        ("amr:1.load > 1", 0, "the rule 'amr:1.load > 1' judges nothing: amr:1 is on none of the"),
+    ],
+)
+def test_a_rule_on_nobody_is_told(
+    rule: str, status: int, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = two_arms(tmp_path / "x.log")
+    ran = within(capsys, "decode", path, "--name", "1=knee", "--alarm", rule, "--quiet")
+    assert ran.status == status
+    assert f"sniffer: {why}" in ran.err
 
 
 def test_a_rule_for_some_time_counts_what_the_bytes_alone_take_where_there_is_no_clock(

@@ -129,6 +129,25 @@ def test_times_of_a_selection_count_from_where_the_capture_begins(
     assert part.out.splitlines()[1].split()[4] == "bad-checksum"
 
 
+@pytest.mark.parametrize("begin", ["3", "@bad-checksum", "-5s", "22:55:09"])
+def test_times_of_a_part_count_from_where_the_capture_begins(
+    begin: str, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    """The same frame had another time in each part, and none that --from takes."""
+    monkeypatch.delenv("COLUMNS", raising=False)  # as into a pipe: nothing is left out
+    path = CAPTURES / "mightyzap_damaged.log"
+    asked = ("decode", path, "--time", "rel")
+    whole = within(capsys, *asked).out.split("\n\n")[0].splitlines()
+    part = within(capsys, *asked, "--from", begin)
+    lines = part.out.split("\n\n")[0].splitlines()
+    assert lines[1:] == whole[-len(lines) + 1 :]
+    told = re.search(r"a part of it: .*, from second ([0-9.]+) on", part.err)
+    assert (told is None) == (begin == "3")
+    if told is not None:
+        again = within(capsys, *asked, "--from", told[1]).out.split("\n\n")[0]
+        assert again.splitlines() == lines
+
+
 def test_a_line_counts_from_the_one_before_of_its_bus(
     tmp_path: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:

@@ -12,7 +12,7 @@ from tests.test_diagnosis_line import drawn
 
 
 @each_in_turn(
-    16,
+    19,
     ("name", "draw", "host", "cause"),
     [
         # the next request lies over a servo's answers: one torn frame, over and over
@@ -46,6 +46,12 @@ from tests.test_diagnosis_line import drawn
         # a byte of noise is what some request is at some rate, one by one
         ("emi-load-mightyzap", 400, "exact", "rate-search"),
         ("emi-load-lss", 405, "exact", "rate-search"),
+        # goals that are written by halves send a joint anywhere
+        ("partial-write-mightyzap", 99929, "exact", "position-jump"),
+        # looks come right behind goals that jump each time: motors start
+        ("sound-sixteen-rs30x", 99929, "exact", "overload"),
+        # requests are missing behind a servo's torn answers: they were said into them
+        ("impatient-controller-lss", 99929, "exact", "duplicate-id"),
     ],
 )
 def test_what_is_not_there_is_not_surely_told(name: str, draw: int, host: str, cause: str) -> None:

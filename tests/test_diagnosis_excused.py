@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from tests.conversations import Conversation, robot, without_clock
-from tests.diagnosed import codes, found, verdicts
+from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.streams import mightyzap, rs30x
 
 ID_AT, SHORT_LIMIT_AT = 0x03, 0x06
@@ -55,6 +57,60 @@ def test_one_that_does_not_come_back_from_its_start_is_missed(protocol: str) -> 
 
     told = robot(protocol, 20, rate_hz=20, instead=starts).diagnosed().incidents()
     assert [who for _, who in verdicts(told)] == [(2,)]
+
+
+@pytest.mark.parametrize("group", [5, 512])
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss"])
+def test_one_that_takes_too_long_to_start_is_away_from_the_order_on(
+    protocol: str, group: int
+) -> None:
+    """What was excused as long as it might start counts, also what was heard long ago."""
+
+    def starts(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle % 100 < 50 or servo != 2:
+            return False
+        if cycle % 100 == 50:
+            talk.write(restart(protocol, servo))
+        talk.ask_in_vain(servo, 20)
+        return True
+
+    talk = robot(protocol, 45, rate_hz=10, instead=starts, goals=False)
+    told = diagnosed(talk.chunks, protocol, group, baud=talk.baud)
+    (incident,) = told.incidents()
+    assert verdicts([incident]) == [("servo-reset-loop", (2,))]
+    away = {f.code: f for f in incident.findings}
+    times = away["start-takes-long"].count
+    assert away["no-response"].count == 50 * times == 200
+    assert "5.0 s behind that at most" in away["start-takes-long"].what
+    assert away["away-for-a-while"].what.endswith(
+        "(50 requests in a row), since it was told to start anew"
+    )
+
+
+def test_a_start_that_was_ordered_does_not_make_outages_even() -> None:
+    """Answers are lost by chance, and the servo is told to start anew each time.
+
+    While it starts it cannot leave again: how long it was there counts from its return.
+    """
+    rng = random.Random(5)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle < 10 or rng.random() > 0.03:
+            return False
+        talk.ask_in_vain(servo)
+        talk.say(restart("mightyzap", servo))
+        talk.rest(0.3)
+        talk.say(mightyzap.packet(servo, 0, b""))
+        talk.rest(0.4)
+        for _ in range(20):
+            talk.ask_in_vain(servo, 50)
+        return True
+
+    told = robot("mightyzap", 60, rate_hz=50, instead=instead).diagnosed()
+    assert "outages-evenly" not in codes(told)
+    (what,) = (f.what for f in found(told) if f.code == "started-when-missing")
+    n = what.split()[1]
+    assert f"behind {n} of {n} requests that servo 2 leaves without an answer" in what
 
 
 def plugged_in(vain: int, servos: int, *, then: int = 0) -> Conversation:

@@ -110,6 +110,19 @@ def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock:
     assert verdicts(told.incidents())[0] == ("malformed-command", ())
 
 
+def test_commands_of_four_bytes_can_lack_the_last_one_only() -> None:
+    def cut(talk: Conversation, cycle: int, servo: int) -> bool:
+        if (7 * cycle + servo) % 10:
+            return False
+        talk.say(talk.tongue.ask(servo)[:-1])
+        talk.rest(20)
+        return True
+
+    told = robot("wck", 12, instead=cut).diagnosed()
+    assert "requests-broken-off" in codes(told)
+    assert verdicts(told.incidents()) == [("malformed-command", ())]
+
+
 @pytest.mark.parametrize("every", [1, 20])
 def test_a_question_to_all_servos_is_answered_by_all_at_once(every: int) -> None:
     """As on the community's pages of the LSS: "#254Q" brought "unreadable characters"."""

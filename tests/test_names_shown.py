@@ -311,6 +311,7 @@ def test_verdicts_on_rules_name_the_servo_that_decided(both: Path, tmp_path: Pat
         (f'servos = ["{LONG}"]', f"voltage of arm servo 1 {LONG} is 6.9 V"),
         ('servos = ["wrist"]\nbus = "arm"', "voltage of arm servo 2 wrist is 11.6 V"),
         ('servos = ["ankle"]', "voltage of leg servo 2 ankle is"),
+        ('servos = ["arm:1"]', f"voltage of arm servo 1 {LONG} is 6.9 V"),
         ('servos = ["ancle"]', "rule 'x': servos: no servo is called 'ancle': did you mean ankle?"),
         ('servos = ["ankle"]\nbus = "arm"', "rule 'x': no servo of arm is called 'ankle'"),
         (f'servos = ["{LONG}", "ankle"]', "rule 'x': its servos are those of arm and leg: write"),

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sniffer.decoding.options import Options
 from sniffer.jobs.report import report as write
 from tests.browser import Browser, chromium
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from sniffer.decoding.called import Named
 
 SAMPLES: Final = Path(__file__).parents[1] / "sample_captures"
 WIDTHS: Final = (1280, 390)
@@ -65,6 +68,23 @@ def test_on_a_usual_screen_the_table_of_the_servos_is_seen_whole(
     assert window.eval("document.querySelector('.servos').parentElement.clientWidth") > 1000
     hidden = "(e => e.scrollWidth - e.parentElement.clientWidth)(document.querySelector('.servos'))"
     assert window.eval(hidden) <= 0
+
+
+def test_a_row_of_the_servos_has_three_lines_at_most_whatever_they_are_called(
+    tmp_path: Path, window: Browser
+) -> None:
+    """Three response times stood below each other beside names of 32 signs."""
+    path = tmp_path / "named.html"
+    names: dict[Named, str] = {
+        servo: f"left_front_hip_yaw_joint_upper_{servo}" for servo in (1, 2, 3)
+    }
+    write(SAMPLES / "mightyzap_damaged.log", path, Options(names=names))
+    window.open(path, width=1280)
+    lines = window.eval(
+        "[...document.querySelectorAll('.servos tbody tr')].map(r => "
+        "r.getBoundingClientRect().height / parseFloat(getComputedStyle(r).lineHeight))"
+    )
+    assert max(lines) < 3.6
 
 
 @pytest.mark.parametrize("width", WIDTHS)

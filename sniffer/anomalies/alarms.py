@@ -1,10 +1,12 @@
 """Rules of the user's own: ``temperature > 70 for 2s``, ``3.voltage < 9``, ``position_error > 5``.
 
-    [ID.]QUANTITY OPERATOR NUMBER [UNIT] [for TIME]
+    [SERVO.]QUANTITY OPERATOR NUMBER [UNIT] [for TIME]
 
-A quantity is one that the register tables have (``Register.quantity``), the name of a register, or
-``<quantity>_error``: how far what is measured is from the last goal (``goal_<quantity>``), on
-whichever side. The number is in the unit of the table. How a rule is judged, ``thresholds.py`` has.
+A servo is an id, one of a bus (``arm:3``), or what it is called: whose ids these are is asked of
+who knows the names. A quantity is one that the register tables have (``Register.quantity``), the
+name of a register, or ``<quantity>_error``: how far what is measured is from the last goal
+(``goal_<quantity>``), on whichever side. The number is in the unit of the table. How a rule is
+judged, ``thresholds.py`` has.
 """
 
 from __future__ import annotations
@@ -13,13 +15,13 @@ import difflib
 import operator
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.amounts import time_as, time_in
 from sniffer.ground.codes import COMMANDED, MEASURED
-from sniffer.ground.limits import IDS, number_in
+from sniffer.ground.limits import IDS, OF_BUS, number_in
 from sniffer.ground.model import InputError, Severity
 from sniffer.ground.units import SIGNS
 
@@ -51,13 +53,10 @@ _UNITS: Final[Mapping[str, str]] = MappingProxyType(
 """What people write, as the tables have it."""
 
 _FORM: Final = re.compile(
-    r"(?:(?P<servo>\d+)\s*\.\s*)?(?P<name>[A-Za-z_]\w*)\s*(?P<op>[<>=!]=?)\s*"
+    r"(?:(?P<servo>[^<>=!]*[^<>=!\s])\s*\.\s*)?(?P<name>[A-Za-z_]\w*)\s*(?P<op>[<>=!]=?)\s*"
     r"(?P<limit>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>(?!for\b)[A-Za-z°%][A-Za-z/%]*)?"
     r"(?:\s*\bfor\s+(?P<time>\S.*))?"
 )
-
-_NAMED: Final = re.compile(r"\s*[^\W\d][\w ]*\.\s*[A-Za-z_]\w*\s*[<>=!]")
-"""A rule that begins with what a servo may be called."""
 
 ALARM_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
     "alarm": (
@@ -77,7 +76,10 @@ ALARM_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
 }
 """Group, severity, meaning, causes, remedy of each code, as ``tap.TAP_CODES``."""
 
-WRITE: Final = "write it like 'temperature > 70', '3.voltage < 9' or 'position_error > 5 for 2s'"
+WRITE: Final = (
+    "write it like 'temperature > 70', '3.voltage < 9', 'arm:3.voltage < 9' or "
+    "'position_error > 5 for 2s'"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ class Alarm:
     """One rule: what must be so of a servo (None: of any), and for how long, in ns.
 
     ``unit`` is empty where none was written: it is then what the tables of a protocol have.
+    ``called`` is a servo that was told otherwise than by an id alone: by its name, or with its bus.
     """
 
     quantity: str
@@ -93,9 +96,22 @@ class Alarm:
     servo_id: int | None = None
     unit: str = ""
     for_ns: int = 0
+    called: str = ""
+
+    def on(self, bus: str, ids: Callable[[str, str], Iterable[int]]) -> tuple[Alarm, ...]:
+        """Return the rule on the servos of a bus that it is about, each by its id.
+
+        Args:
+            bus: what the bus is called.
+            ids: tells which servos of a bus are called so.
+        """
+        if not self.called:
+            return (self,)
+        return tuple(replace(self, servo_id=servo) for servo in ids(bus, self.called))
 
     def __str__(self) -> str:
-        who = "" if self.servo_id is None else f"{self.servo_id}."
+        who = self.called or ("" if self.servo_id is None else str(self.servo_id))
+        who = f"{who}." if who else ""
         unit = f" {self.unit}" if self.unit else ""
         long = f" for {time_as(self.for_ns)}" if self.for_ns else ""
         return f"{who}{self.quantity} {self.op} {self.limit:.12g}{unit}{long}"
@@ -113,12 +129,12 @@ def alarm_in(text: str) -> Alarm:
         InputError: it is none; the message says how one is written.
     """
     match = _FORM.fullmatch(text.strip())
-    if match is None and _NAMED.match(text):
-        raise InputError(f"{text[:60]!r}: a rule names a servo by its id: {WRITE}")
     if match is None or match["op"] not in OPERATORS:
         raise InputError(f"{text[:60]!r} is no rule: {WRITE}")
-    servo = None if match["servo"] is None else number_in(match["servo"], 0, IDS - 1)
-    if match["servo"] is not None and servo is None:
+    who = match["servo"] or ""
+    servo = number_in(who, 0, IDS - 1)
+    number = who.rpartition(OF_BUS)[2]
+    if number.isdecimal() and number_in(number, 0, IDS - 1) is None:
         raise InputError(f"{text[:60]!r}: an id is 0..{IDS - 1}")
     for_ns = 0
     if match["time"] is not None:
@@ -128,7 +144,15 @@ def alarm_in(text: str) -> Alarm:
         for_ns = told
     unit = match["unit"] or ""
     unit = _UNITS.get(unit, unit)
-    return Alarm(match["name"], match["op"], float(match["limit"]), servo, unit, for_ns)
+    called = "" if servo is not None else who
+    return Alarm(match["name"], match["op"], float(match["limit"]), servo, unit, for_ns, called)
+
+
+def on_bus(
+    alarms: Iterable[Alarm], bus: str, ids: Callable[[str, str], Iterable[int]]
+) -> tuple[Alarm, ...]:
+    """Return the rules that servos of a bus can meet, as ``Alarm.on`` does."""
+    return tuple(mine for alarm in alarms for mine in alarm.on(bus, ids))
 
 
 class Meant(NamedTuple):

@@ -40,6 +40,9 @@ STDOUT: Final = "-"
 JOBS_MOST: Final = 256
 """Processes of one capture at most: a mistyped number starts no more."""
 
+CONTEXT_MOST: Final = 10_000
+"""Lines around a selected one at most: so many wait of each bus."""
+
 
 @click.command(
     short_help="Decode a capture, a dump, a log or a recording.",
@@ -48,6 +51,7 @@ JOBS_MOST: Final = 256
         "sniffer decode run-001.mcap run-002.mcap --summary",
         "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
+        "sniffer decode run.mcap --code no-response --context 3",
         "sniffer decode run.mcap --servo 3,5 --from @first-error --around 200ms",
         "sniffer decode run.mcap --where \"quantity = 'voltage' AND value < 9\"",
         "sniffer decode run.mcap --where \"memory = 'non-volatile' AND kind = 'request'\"",
@@ -60,6 +64,15 @@ JOBS_MOST: Final = 256
 @with_files
 @with_part
 @with_rows
+@click.option(
+    "-C",
+    "--context",
+    type=click.IntRange(0, CONTEXT_MOST),
+    default=0,
+    metavar="N",
+    help="Of a selection, show N lines of the same bus before and behind each, as grep does: what "
+    "is selected has a * in front (in JSON lines the others have a key context), -- is between.",
+)
 @decoding
 @with_alarms
 @with_format("text", "jsonl", "pcapng")
@@ -101,6 +114,7 @@ JOBS_MOST: Final = 256
 def decode(
     files: tuple[str, ...],
     options: Options,
+    context: int,
     input_format: str,
     output_format: str,
     times: str,
@@ -122,6 +136,8 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
+    if context and selection is None:
+        raise click.UsageError("--context N goes with a selection, such as --code no-response")
     outputs = _files(outputs, output_format, is_silent=quiet or summary)
     printed: list[Sink] = []
     diagnosis = None
@@ -147,6 +163,7 @@ def decode(
             sinks=printed,
             selection=selection,
             window=window,
+            context=context,
             jobs=jobs,
             patience=patience,
             tell=Teller(say, quiet=quiet),

@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here
-from sniffer.cli.profiles import OF_BUS
 from sniffer.cli.selecting import with_rows, with_start
 from sniffer.cli.statuses import DONE
 from sniffer.cli.streams import say
 from sniffer.decoding.options import AUTO, Options
+from sniffer.ground.limits import OF_BUS
 from sniffer.selection.selection import Selection
 
 

@@ -17,15 +17,13 @@ from typing import Any, Final
 import click
 from click.core import ParameterSource
 
+from sniffer.ground.limits import OF_BUS
 from sniffer.ground.wording import and_, nearly, offered
 
 VARIABLE: Final = "SNIFFER_PROFILE"
 HERE: Final = Path("sniffer.toml")
 IN_USE: Final = "sniffer.profile"
 """Where a context keeps the profile that is in use."""
-
-OF_BUS: Final = ":"
-"""Stands between a bus and the id of a servo on it."""
 
 ALL: Final = "all"
 """Stands in place of a servo's id."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sniffer.cli.profiles import OF_BUS, flat_names
-from sniffer.ground.limits import IDS, number_in
+from sniffer.cli.profiles import flat_names
+from sniffer.ground.limits import IDS, OF_BUS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
 
@@ -152,7 +152,7 @@ with_alarms = click.option(
     multiple=True,
     callback=alarms_of,
     metavar="RULE",
-    help="A rule of your own, such as 'temperature > 70 for 2s', '3.voltage < 9' or "
-    "'position_error > 5'; may be repeated.",
+    help="A rule of your own, such as 'temperature > 70 for 2s', '3.voltage < 9' (arm:3 of several "
+    "buses, or left_knee) or 'position_error > 5'; may be repeated.",
 )
 """Of every command that judges values by rules of the user's own."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.ground.limits import IDS, number_in
+from sniffer.ground.limits import IDS, OF_BUS, number_in
 from sniffer.ground.model import Anomaly, InputError
 from sniffer.ground.wording import Sentence, and_, nearly
 from sniffer.protocols import PROTOCOLS
@@ -73,8 +73,15 @@ class ServoNames:
         return {servo: name for servo, name in named if name is not None}
 
     def ids(self, bus: str, name: str) -> list[int]:
-        """Return the ids of the servos of a bus that are called so."""
+        """Return the ids of the servos of a bus that are called so, or are ``arm:3`` there."""
+        if (one := self._of_bus(name)) is not None:
+            return [one[1]] if one[0] == bus else []
         return [servo for servo, known in self.on_bus(bus).items() if known == name]
+
+    def _of_bus(self, text: str) -> tuple[str, int] | None:
+        """Return bus and id where ``arm:3`` was written, and no servo is called so."""
+        one = None if text in self._told.values() else named_in(text, OF_BUS)
+        return one if isinstance(one, tuple) else None
 
     def label(self, bus: str, servo: int) -> str:
         """Return a servo's id with its name, for a cell of a table: ``3 left_knee``."""
@@ -121,17 +128,25 @@ class ServoNames:
     def having(self, name: str) -> list[tuple[Named, list[str]]]:
         """Return the servos of a name as they were told, with the buses that call theirs otherwise.
 
+        The name may be a bus and an id: ``arm:3``.
+
         Raises:
             InputError: none is called so; it says which name is near.
         """
-        found = [who for who, known in self._told.items() if known == name]
-        if not found:
-            told = "no servo is called {name}{near}"
+        if (why := self.nobody(name)) is not None:
             if not self._told:
-                told = "{name} is no servo id: write ids as 3,5 or 3-6 (no names are known)"
-            near = nearly(name, self.known) or f": one of {', '.join(self.known)}"
-            raise InputError(Sentence(f"{{servos}}: {told}", name=repr(name[:40]), near=near))
-        return [(who, self._others(who)) for who in found]
+                why = "{name} is no servo id: write ids as 3,5 or 3-6 (no names are known)"
+            raise InputError(Sentence(f"{{servos}}: {why}", name=repr(name[:40])))
+        if (one := self._of_bus(name)) is not None:
+            return [(one, [])]
+        return [(who, self._others(who)) for who, known in self._told.items() if known == name]
+
+    def nobody(self, name: str) -> str | None:
+        """Return in a sentence that no servo is called so; None: one is, or ``arm:3`` is meant."""
+        if name in self._told.values() or self._of_bus(name) is not None:
+            return None
+        known = f": one of {', '.join(self.known)}" if self._told else ": no names are known"
+        return f"no servo is called {name[:40]!r}{nearly(name, self.known) or known}"
 
     def _others(self, who: Named) -> list[str]:
         """Return the buses on which a servo that was named on all has another name."""

@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.anomalies.alarms import alarm_in, refusal
+from sniffer.anomalies.alarms import alarm_in, on_bus, refusal
 from sniffer.decoding.called import ServoNames, names_in, overlaid
 from sniffer.decoding.names import apart, is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
@@ -71,6 +71,20 @@ class Options:
         """Return the same with what a recording calls its servos, where nobody said more."""
         return ServoNames(overlaid(names_in(facts), self.names))
 
+    def alarms_on(self, bus: str) -> tuple[Alarm, ...]:
+        """Return the rules that servos of a bus can meet; who is called otherwise has an id."""
+        return on_bus(self.alarms, bus, self.called.ids)
+
+    def check_called(self) -> None:
+        """Refuse rules on a servo that nobody is called like, once it is known who is called what.
+
+        Raises:
+            InputError: it says which name is near.
+        """
+        for alarm in self.alarms:
+            if alarm.called and (why := self.called.nobody(alarm.called)) is not None:
+                raise InputError(f"{alarm}: {why}")
+
     @property
     def wired(self) -> Wiring:
         """What is said of the wires of a logic capture, with the rate, where one was stated."""
@@ -121,7 +135,7 @@ class Options:
         ``attached`` reads its register tables: it is asked for models that nobody else knows.
 
         Raises:
-            InputError: it was made with a protocol that is not here.
+            InputError: it was made with a protocol that is not here, or a rule names nobody.
         """
         told = replace(self, protocols={**self._recorded(facts), **self.protocols})
         if self.baud is None and facts.get("rate") != ASSUMED:
@@ -134,9 +148,10 @@ class Options:
             if every is not None:
                 told = replace(told, latency_ns=every)
             told = replace(told, latencies={**latencies, **self.latencies})
+        told = replace(told, names=overlaid(names_in(facts), self.names))
+        told.check_called()  # a recording's own rules may name who is not in this part of it
         if not self.alarms:
             told = replace(told, alarms=_alarms(facts))
-        told = replace(told, names=overlaid(names_in(facts), self.names))
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():

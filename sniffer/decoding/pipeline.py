@@ -28,10 +28,12 @@ from sniffer.decoding.summary import Summary
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.runs import ChunkRun, by_bus
 from sniffer.ground.timing import LATENCY_NS
+from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
     from sniffer.decoding.rates import Rate
@@ -246,6 +248,8 @@ class Pipeline:
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
             self._deliver(bus, parts_of(decoder, decoder.close()))
+        for bus, parts in self.narrowing.rest() if self.narrowing is not None else ():
+            self._write(bus, parts)
         for mistake in self.mistaken():
             self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         for bus, decoder in self._decoders.items():
@@ -260,9 +264,17 @@ class Pipeline:
 
     def unmet(self) -> list[str]:
         """Tell of rules that no servo of any bus can meet, each in a sentence."""
-        spoken = {p.name: p for d in self._decoders.values() for p in d.protocols}
-        told = ((a, refusal(a, spoken.values())) for a in self._options.alarms if spoken)
+        told = ((a, self._unmet(a)) for a in self._options.alarms if self._decoders)
         return [f"the rule {str(a)!r} judges nothing: {why}" for a, why in told if why]
+
+    def _unmet(self, alarm: Alarm) -> str | None:
+        """Return why no servo of any bus can meet a rule; None: one can."""
+        names = self._options.called
+        mine = [d for bus, d in self._decoders.items() if alarm.on(bus, names.ids)]
+        if mine:
+            return refusal(alarm, {p.name: p for d in mine for p in d.protocols}.values())
+        nobody = f"{alarm.called} is on none of the buses {and_(list(self._decoders))}"
+        return names.nobody(alarm.called) or nobody
 
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""
@@ -368,7 +380,7 @@ class Pipeline:
             latency_ns=told.latency_ns,
             slowest=told.slowest,
             doubtful=told.doubtful,
-            alarms=self._options.alarms,
+            alarms=self._options.alarms_on(bus),
             base=self._begin.get(bus, 0),
         )
 
@@ -376,6 +388,7 @@ class Pipeline:
         """Tell the sinks that a pass is over, and what of it is not decided."""
         waits = {bus for bus, decoder in self._decoders.items() if decoder.pending}
         waits |= {bus for bus, chunks in self._waiting.items() if any(c.data for c in chunks)}
+        waits |= self.narrowing.open_buses if self.narrowing is not None else set()
         self._each(functools.partial(over, until_ns=until_ns, open_buses=waits))
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -388,8 +401,13 @@ class Pipeline:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
         self.summary.begin(parts)
-        if self.narrowing is not None and not (parts := self.narrowing.of(bus, parts)):
+        if self.narrowing is None:
+            self._write(bus, parts)
             return
+        for told in self.narrowing.passes(bus, parts):
+            self._write(bus, told)
+
+    def _write(self, bus: str, parts: Sequence[Part]) -> None:
         for protocol, batch in parts:
             self.summary.add(bus, protocol, batch)
         self._each(functools.partial(written, bus=bus, parts=parts))

@@ -39,9 +39,9 @@ class BusPlan:
     pace: Pace
 
     def decoder(
-        self, options: Options, *, base: int = 0, state: DecoderState | None = None
+        self, options: Options, bus: str, *, base: int = 0, state: DecoderState | None = None
     ) -> Decoder | MixedDecoder:
-        """Return a decoder that begins at an offset, or where a state is of."""
+        """Return a decoder of a bus that begins at an offset, or where a state is of."""
         return decoder_of(
             options.all_spoken(self.spoken),
             baud=self.pace.baud,
@@ -49,7 +49,7 @@ class BusPlan:
             latency_ns=self.pace.latency_ns,
             slowest=self.pace.slowest,
             doubtful=self.pace.doubtful,
-            alarms=options.alarms,
+            alarms=options.alarms_on(bus),
             base=base,
             state=state,
         )
@@ -83,7 +83,7 @@ class ResumablePipeline(Pipeline):
         """Go on with the buses where these states are of."""
         for bus, state in states.items():
             self.paces[bus] = plans[bus].pace
-            self._decoders[bus] = plans[bus].decoder(self._options, state=state)
+            self._decoders[bus] = plans[bus].decoder(self._options, bus, state=state)
 
     def take(self, told: Summary, what: Callable[[Sink], None]) -> None:
         """Take what was decoded elsewhere, behind all that was decoded here; ``what`` writes it."""
@@ -126,6 +126,6 @@ class PartPipeline(ResumablePipeline):
             plan, state = self._known[bus], self._guesses[bus]
             self.paces[bus] = plan.pace
             self._decoders[bus] = plan.decoder(
-                self._options, base=self._bases[bus], state=state.elsewhere()
+                self._options, bus, base=self._bases[bus], state=state.elsewhere()
             )
         super().decode(bus, chunks)

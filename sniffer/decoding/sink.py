@@ -91,8 +91,10 @@ class Narrowed(Protocol):
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what was asked for.
 
-        Of a selection ``where``, its expression, and ``tables``, those it speaks of; of a part of a
-        capture ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends.
+        Of a selection ``where``, its expression, ``tables``, those it speaks of, and ``context``,
+        how many lines are shown around each of its rows, where any are; of a part of a capture
+        ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends,
+        and ``first_ns``, when its first record was, None without a clock.
         """
         ...
 

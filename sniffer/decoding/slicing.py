@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.anomalies.found import Anomalies
+from sniffer.decoding.surrounding import Surroundings
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import NS, Clock, Mask
 
@@ -34,14 +35,17 @@ def first_told_ns(stamp_ns: int | None, parts: Sequence[Part]) -> int | None:
     """Return when the first record of a capture was told, from which its seconds count, in ns.
 
     ``stamp_ns`` is the stamp of its first chunk, ``parts`` what was decoded first: where a host
-    held bytes back, they were said long before that.
+    held bytes back, they were said long before that. Where it is of the beginning of the first
+    frame, that frame's end is meant, as of each record.
     """
     if stamp_ns is None:
         return None
     clocked = [batch for _, batch in parts if batch.clock != Clock.NONE]
     first = [int(batch.frames.t_end[0]) for batch in clocked if len(batch.frames)]
     first += [batch.gaps[0].t_ns for batch in clocked if len(batch.gaps)]
-    return min((stamp_ns, *first))
+    begun = [int(b.frames.t_start[0]) for b in clocked if len(b.frames)]
+    is_of_first = any(t_ns <= stamp_ns for t_ns in begun)
+    return min(first) if is_of_first else min((stamp_ns, *first))
 
 
 class Slice:
@@ -148,9 +152,12 @@ class Slice:
 class Narrowing:
     """What of a capture goes to the sinks: a part of it, and of that the rows that are chosen."""
 
-    def __init__(self, part: Slice | None = None, choose: Choose | None = None) -> None:
+    def __init__(
+        self, part: Slice | None = None, choose: Choose | None = None, context: int = 0
+    ) -> None:
         self.part = part
         self._choose = choose
+        self._around = Surroundings(context) if context else None
 
     def hear(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks before they are decoded."""
@@ -164,6 +171,22 @@ class Narrowing:
         if self._choose is None:
             return list(parts)
         return [(p, replace(b, chosen=self._choose(bus, p, b))) for p, b in parts]
+
+    def passes(self, bus: str, parts: Sequence[Part]) -> list[list[Part]]:
+        """Return what is due, pass by pass: with lines around a selection one waits for others."""
+        mine = self.of(bus, parts)
+        if self._around is None or not mine:
+            return [mine] if mine else []
+        return self._around.of(bus, mine)
+
+    @property
+    def open_buses(self) -> set[str]:
+        """Buses of which a pass waits."""
+        return set() if self._around is None else self._around.open_buses
+
+    def rest(self) -> list[tuple[str, list[Part]]]:
+        """Return what waits at the end, with its bus."""
+        return [] if self._around is None else self._around.rest()
 
 
 def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64], Mask]) -> Batch:

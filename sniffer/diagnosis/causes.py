@@ -123,6 +123,18 @@ _CAUSES: Final = (
         "Measure the idle level of the line: it is to be high.",
     ),
     Cause(
+        "asleep",
+        LINE,
+        WARN,
+        -2.0,
+        "somebody sleeps when the line rests",
+        "Behind a rest the first request gets lost: an adapter, a bus driver or a servo saves power, or the line floats meanwhile.",
+        "What is missing are answers to the first request to a servo, or to any, behind rests of a second and more.",
+        "A contact that opens now and then, a weak signal.",
+        "Say something first that may get lost (a ping), or repeat the request; switch power saving off (USB autosuspend, a servo's sleep mode); a line that nobody drives wants bias resistors.",
+        "Ask without rests for a minute: then nothing is missing.",
+    ),
+    Cause(
         "bad-cable",
         SERVO,
         ERROR,

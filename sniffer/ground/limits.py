@@ -45,6 +45,9 @@ GROUP_CHUNKS: Final = 1 << 15
 IDS: Final = 256
 """Servo ids are a byte."""
 
+OF_BUS: Final = ":"
+"""Stands between a bus and the id of a servo on it: ``arm:3``."""
+
 BUSES_MOST: Final = 256
 """Buses of one input: each has a decoder, some 200 kB; more names than that are no buses."""
 

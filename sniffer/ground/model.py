@@ -344,6 +344,8 @@ class Batch:
     chosen: Callable[[str], Mask] | None = None
     """Which rows are shown, by the name of their table (``selection``); None: all. Samples are the
     rows of ``values``. Whatever is counted, paired or judged takes all rows."""
+    around: tuple[Mask, Mask] | None = None
+    """Frames and gaps with which a selection is shown, its own among them; None: those alone."""
 
     def shows(self, table: str, count: int) -> Mask:
         """Return which of the ``count`` rows of a table are shown."""

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
+from sniffer.anomalies.alarms import on_bus
 from sniffer.decoding.detect import UndecidedError
-from sniffer.decoding.options import ALARM, SINCE
+from sniffer.decoding.options import SINCE, alarm_facts
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.codes import REQUEST
+from sniffer.ground.limits import OF_BUS
 from sniffer.ground.model import Clock, DamagedInputError
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
@@ -20,6 +22,7 @@ from sniffer.messages import OFFSET
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.pipeline import Options
     from sniffer.ground.model import Batch, Chunk
     from sniffer.jobs.telling import Teller
@@ -34,7 +37,7 @@ SERIAL: Final = "serial_number"
 _BY_BUS: Final = frozenset({"baud", "latency_ns", "protocol", OFFSET, SINCE})
 """Facts that are kept, those of a bus under its new name."""
 
-_KEPT: Final = frozenset({"rate", "model", ALARM.removesuffix("."), "clock"})
+_KEPT: Final = frozenset({"rate", "model", "clock"})
 """Facts that are kept as they are."""
 
 
@@ -186,8 +189,9 @@ def anonymous(
                 out.append(replace(chunk, data=data, t_ns=t_ns, bus=bus))
             yield out
 
-    derived = _Nameless(opened, made, nameless(opened.facts(), names))
-    return derived, _unnamed(given, names)
+    unnamed = _unnamed(options, names)
+    facts = nameless(opened.facts(), names) | alarm_facts(unnamed.alarms)
+    return _Nameless(opened, made, facts), replace(_unnamed(given, names), alarms=unnamed.alarms)
 
 
 class _Nameless(Derived):
@@ -210,7 +214,17 @@ def _unnamed(options: Options, names: Mapping[str, str]) -> Options:
         latencies=_renamed(options.latencies, names),
         begins=_renamed(options.begins, names),
         names={},
+        alarms=tuple(_rules_unnamed(options, names)),
     )
+
+
+def _rules_unnamed(options: Options, names: Mapping[str, str]) -> Iterator[Alarm]:
+    """Return the rules of the options; a servo that has more than an id, by id and bus."""
+    yield from (alarm for alarm in options.alarms if not alarm.called)
+    named = [alarm for alarm in options.alarms if alarm.called]
+    for bus, unnamed in names.items():
+        for one in on_bus(named, bus, options.called.ids):
+            yield replace(one, servo_id=None, called=f"{unnamed}{OF_BUS}{one.servo_id}")
 
 
 def nameless(facts: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:

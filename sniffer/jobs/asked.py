@@ -15,7 +15,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.sought import Finder
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, CapturePlace, Window
+from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, SINCE, CapturePlace, Window
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
@@ -36,9 +36,13 @@ class Extract:
     start: CapturePlace | None = None
     stop: CapturePlace | None = None
     around_ns: int = 0
+    context: int = 0
+    """How many lines are shown before and behind each that is selected."""
 
     @classmethod
-    def of(cls, selection: Selection | None, window: Window | None) -> Extract | None:
+    def of(
+        cls, selection: Selection | None, window: Window | None, context: int = 0
+    ) -> Extract | None:
         """Return what is asked for, None for all of a capture.
 
         Raises:
@@ -52,7 +56,7 @@ class Extract:
         start, stop = (window or Window()).places()
         if selection is None and start is None and stop is None:
             return None
-        return cls(selection, start, stop, 0 if window is None else window.around_ns)
+        return cls(selection, start, stop, 0 if window is None else window.around_ns, context)
 
     @property
     def is_part(self) -> bool:
@@ -74,6 +78,12 @@ class Extract:
     def is_dated(self) -> bool:
         """Whether it begins or ends at a time of day, or on a day."""
         return any(p is not None and p.kind in (OF_DAY, MOMENT) for p in (self.start, self.stop))
+
+    @property
+    def _is_placed(self) -> bool:
+        """Whether an end of it is told otherwise than by its second, or is moved."""
+        ends = [place for place in (self.start, self.stop) if place is not None]
+        return bool(self.around_ns) or any(place.kind != SINCE for place in ends)
 
     def __str__(self) -> str:
         start = "its beginning" if self.start is None else _words(self.start)
@@ -104,11 +114,13 @@ class Extract:
         """Return what does it in a pipeline; the sinks are told, and so is who reads along."""
         told = [sink for sink in sinks if isinstance(sink, Narrowed)]
         if self.selection is not None:
+            rows = {"where": self.selection.text, "tables": list(self.selection.tables)}
+            beside = {"context": self.context} if self.context else {}
             for sink in told:
-                sink.narrow({"where": self.selection.text, "tables": list(self.selection.tables)})
+                sink.narrow({**rows, **beside})
         choose = None if self.selection is None else self.selection.rows
         if not self.is_part:
-            return Narrowing(None, choose)
+            return Narrowing(None, choose, self.context)
 
         def ends(first_ns: int | None) -> tuple[int | None, int | None]:
             start, stop = self.ends(first_ns)
@@ -116,12 +128,14 @@ class Extract:
             dated = begin is not None and begin.kind in (OF_DAY, MOMENT) and not begin.sought
             early = dated and start is not None and first_ns is not None and start < first_ns
             behind = "; its first byte came after that: nothing in front is left out"
-            tell.talk(f"a part of it: {self}{behind if early else ''}")
+            told_of = _in_seconds(first_ns or 0, start, stop) if self._is_placed else ""
+            tell.talk(f"a part of it: {self}{told_of}{behind if early else ''}")
+            of_whole = {"first_ns": first_ns, "from_ns": start, "to_ns": stop}
             for sink in told:
-                sink.narrow({"part": str(self), "from_ns": start, "to_ns": stop})
+                sink.narrow({"part": str(self), **of_whole})
             return start, stop
 
-        return Narrowing(Slice(ends, str(self)), choose)
+        return Narrowing(Slice(ends, str(self)), choose, self.context)
 
     def sought_in(self, opened: Source, options: Options) -> Extract:
         """Return it with all places found; the source is read once, as far as need be.
@@ -193,6 +207,19 @@ def _words(place: CapturePlace) -> str:
     if place.sought == END:
         return f"{place.number / 1e9:g} s before its end"
     return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
+
+
+def _in_seconds(first_ns: int, start: int | None, stop: int | None) -> str:
+    """Return in which seconds of the capture a part of it lies, such that they have all of it."""
+    least = "" if start is None else _second(max(start - first_ns, 0) // 1000)
+    most = "" if stop is None else _second(max(-((first_ns - stop) // 1000), 0))
+    if least and most:
+        return f", second {least} to {most}"
+    return f", from second {least} on" if least else f", up to second {most}"
+
+
+def _second(microseconds: int) -> str:
+    return f"{microseconds / 1e6:.6f}".rstrip("0").rstrip(".")
 
 
 class _First:

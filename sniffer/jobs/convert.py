@@ -54,6 +54,7 @@ def convert(
     sinks: Sequence[Sink] = (),
     selection: Selection | None = None,
     window: Window | None = None,
+    context: int = 0,
     wide: Wide | None = None,
     contents: Contents | None = None,
     anonymise: bool = False,
@@ -78,6 +79,8 @@ def convert(
         sinks: further outputs, open already.
         selection: which records are written, of bytes which frames; totals are counted of all.
         window: which part of the capture, all of it where None.
+        context: how many frames and gaps of its bus are written before and behind each that is
+            selected, in lines for people and in JSON lines.
         wide: tables have a column for each quantity of a servo; a row a register where None.
         contents: what recordings have beside the raw bytes; the usual where None.
         anonymise: times count from zero; names, ports and serial numbers are left out.
@@ -95,11 +98,11 @@ def convert(
     options.check()
     asked = None
     if jobs > 1:
-        refuse_jobs(source, window)
+        refuse_jobs(source, window, context)
     if selection is not None or window is not None:
         from sniffer.jobs.asked import Extract, refuse_part_of
 
-        asked = Extract.of(selection, window)
+        asked = Extract.of(selection, window, context)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
     if selection is not None and (lacking := selection.missing_in("samples")):
@@ -226,13 +229,17 @@ def _selected(
     return [SelectedBytes(file) for file in raw]
 
 
-def refuse_jobs(source: str | Path | Sequence[str | Path], window: Window | None) -> None:
+def refuse_jobs(
+    source: str | Path | Sequence[str | Path], window: Window | None, context: int = 0
+) -> None:
     """Refuse several processes for what one reads as it comes, or only some of.
 
     Raises:
-        SnifferError: it is standard input, or a part of a capture.
+        SnifferError: it is standard input, a part of a capture, or one with lines around others.
     """
     if any(str(one) == STDIN for one in inputs_of(source)):
         raise SnifferError(Sentence("{jobs} needs a file: save standard input first"))
     if window is not None and window.is_part:
         raise SnifferError(Sentence("{jobs} decodes a whole capture: leave {start} and {stop} out"))
+    if context:
+        raise SnifferError(Sentence("{jobs} decodes piece by piece: leave {context} out"))

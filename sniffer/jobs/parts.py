@@ -231,7 +231,7 @@ class JoinedParts:
     def _observed(self, states: States) -> dict[str, Observed]:
         """Return what could be told of states that nobody has come to."""
         decoders = {
-            bus: self._plans[bus].decoder(self._options, state=state)
+            bus: self._plans[bus].decoder(self._options, bus, state=state)
             for bus, state in states.items()
         }
         return observed({bus: decoder.state() for bus, decoder in decoders.items()})

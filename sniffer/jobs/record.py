@@ -151,6 +151,7 @@ def record(
     waits = Waits.of(stops, files, commands)
     options = waits.judged(options)
     options.check([spec.protocol for spec in ports if spec.protocol is not None])
+    options.check_called()
     selection = shown.selection and shown.selection.named(options.called)
     if any((spec.protocol or options.protocol) == AUTO for spec in ports):
         PROTOCOLS.candidates()  # plug-ins take their time to be imported: not while ports are read

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -15,11 +16,17 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.summary import BusTotals, Summary
-    from sniffer.diagnosis.model import Incident
+    from sniffer.diagnosis.model import Finding, Incident
     from sniffer.diagnosis.rest import Rest
     from sniffer.diagnosis.shared import Shared
     from sniffer.reports.evidence import Exhibit
     from sniffer.statistics.collector import Collector
+
+FINDINGS: Final = 40
+"""Findings of an incident that are told."""
+
+ALIKE: Final = 6
+"""Findings of one kind that are told: of a hundred servos each may have one."""
 
 SOUND: Final = "Nothing was found that needs a cause."
 """The verdict where nothing is wrong."""
@@ -124,3 +131,14 @@ def tale(incident: Incident) -> str:
     """Return what happened as a sentence."""
     story = happened(incident)
     return story[:1].upper() + story[1:]
+
+
+def found_of(incident: Incident) -> list[Finding]:
+    """Return the findings of an incident that are told: of each kind the first ones."""
+    met: Counter[str] = Counter()
+    out = []
+    for f in incident.findings:
+        met[f.code] += 1
+        if met[f.code] <= ALIKE:
+            out.append(f)
+    return out[:FINDINGS]

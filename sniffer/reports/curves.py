@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.model import Incident
+    from sniffer.ground.model import F64
     from sniffer.statistics.collector import Collector
     from sniffer.statistics.figures import ServoFigures, WireFigures
     from sniffer.statistics.grid import Trace
@@ -45,6 +46,10 @@ CROWD: Final = 8
 
 LOAD_NS: Final = 100_000_000
 """The load of a bus is told for no shorter time: within less it is none or all."""
+
+LOAD_TOPS: Final = (1.0, 10.0, 100.0)
+"""The load is drawn up to one of these, in percent: of a line that is idle for hours 100 shows
+nothing."""
 
 LOAD_BARS: Final = 24
 """The load is told for so many stretches at least, however short the capture."""
@@ -202,13 +207,14 @@ class Charts:
 
     def _position(self, mine: ServoFigures, incidents: Sequence[Incident]) -> Markup | None:
         curve, name = self.value(mine, POSITION)
-        goal = None
+        goal, title = None, "position"
         if curve is None:
             goal, name = self.value(mine, GOAL)
+            title = "goal position"
         elif (told := mine.values.get((GOAL, name))) is not None:
             goal = self.of(told.curve)
         return self._chart(
-            "position",
+            title,
             name,
             [("goal", "goal", goal), ("position", "position", curve)],
             incidents,
@@ -246,15 +252,20 @@ class Charts:
             return None
         share = BITS * NS / wire.pace.baud / self.time.width_ns
         per = max(1, min(-(-LOAD_NS // self.time.width_ns), self.time.size // LOAD_BARS))
-        axis = svg.Axis(0.0, 100.0, (0.0, 50.0, 100.0))
-        inks = []
+        told: list[tuple[str, str, Trace, F64]] = []
         for style, name in ((BYTES, "all bytes"), (UNCLAIMED, "bytes in no frame")):
             curve = self.of(wire.curves[style])
             if curve is None:
                 continue
             joint = svg.coarser(curve, per)
-            told = 100 * share * joint.mean * joint.n / per
-            inks.append(Ink(f"area {style}", name, svg.bars(joint.at * per, axis.y(told), per)))
+            told.append((style, name, joint, 100 * share * joint.mean * joint.n / per))
+        most = max((float(busy.max()) for *_, busy in told), default=0.0)
+        top = next((top for top in LOAD_TOPS if most <= top), 100.0)
+        axis = svg.Axis(0.0, top, (0.0, top / 2, top))
+        inks = [
+            Ink(f"area {style}", name, svg.bars(joint.at * per, axis.y(busy), per))
+            for style, name, joint, busy in told
+        ]
         return self._track("busy share of the line", "%", axis, inks, incidents)
 
     def _trouble(self, wire: WireFigures, incidents: Sequence[Incident]) -> Markup | None:

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 
 MS: Final = 1e6
 
-DECADE: Final = (1, 2, 5)
+STEPS: Final = ((1,), (1, 2, 5), (1, 1.5, 2, 3, 5, 7))
+"""What is labelled of each decade, from the coarsest on: the first with ``LABELS`` is taken."""
+
+LABELS: Final = 3
+"""So many labels at least tell where a time stands: with one alone nobody knows the scale."""
 
 
 class TimeScale:
@@ -54,12 +58,17 @@ class TimeScale:
         return round(100 * float(min(max(at, 0), 1)), 2)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Return places in percent and labels in ms, 1, 2 and 5 of each decade, or 1 alone."""
+        """Return places in percent and labels in ms: round numbers, as few as tell the scale."""
         low, high = (2 ** ((self.first + k) / BINS_SHOWN) for k in (1, self.size))
         decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-        chosen = DECADE if np.log10(high / low) < 2.5 else (1,)
-        told = [k * 10.0**d for d in decades for k in chosen if low <= k * 10.0**d <= high]
-        return [(0.0, "0"), *((self.share(ns), number(ns / MS)) for ns in told)]
+        every = (
+            [k * 10.0**d for d in decades for k in chosen if low <= k * 10.0**d <= high]
+            for chosen in STEPS
+        )
+        step = svg.round_up((high - low) / (LABELS + 1))
+        even = [k * step for k in range(int(np.ceil(low / step)), int(high / step) + 1)]
+        told = next((some for some in every if len(some) >= LABELS), even)
+        return [(0.0, "0 ms"), *((self.share(ns), number(ns / MS)) for ns in told)]
 
 
 def histogram(title: str, times: Quantiles, scale: TimeScale) -> Markup:

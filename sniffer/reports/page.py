@@ -17,7 +17,7 @@ from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted
 from sniffer.reports import tables, words
 from sniffer.reports.boxes import drawing
-from sniffer.reports.content import SOUND, tale
+from sniffer.reports.content import SOUND, found_of, tale
 from sniffer.reports.curves import STEPS_S, Charts
 from sniffer.reports.histograms import TimeScale, histogram
 from sniffer.reports.markup import Markup, joined, sentence, tag
@@ -40,9 +40,6 @@ BUSES: Final = 16
 
 INCIDENTS: Final = 50
 """Incidents that are told with their bytes, the worst ones."""
-
-FINDINGS: Final = 40
-"""Findings of an incident that are told."""
 
 WIDE: Final = 24
 """Bytes of a frame that is told in a line."""
@@ -205,7 +202,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
     ]
     found = [
         tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", sentence(f.what)))
-        for f in incident.findings[:FINDINGS]
+        for f in found_of(incident)
     ]
     parts = [
         tag("h3", shape(incident.severity), f" {incident.number}. {content.titled(incident)}"),
@@ -268,7 +265,7 @@ def _buses(content: Content, charts: Charts) -> Iterator[Markup]:
 def _servos(content: Content) -> Iterator[Markup]:
     table = tables.servos(content)
     if table.rows:
-        yield _wide(_table(table, "servos"))
+        yield _wide(_table(table, "servos named" if content.names else "servos"))
         yield from _more(len(table.rows) - ROWS, "servos")
     else:
         yield tag("p", "No servo was heard.", cls="dim")
@@ -372,7 +369,9 @@ def _recorded(content: Content) -> Iterator[Markup]:
 
 def _table(table: tables.Table, name: str | None = None) -> Markup:
     def cell(name: str, k: int, value: str) -> Markup:
-        return tag(name, value, cls="number" if k in table.numbers else None)
+        is_several = " / " in table.head[k]  # figures in one cell, which want room for two
+        style = "number figures" if is_several else "number"
+        return tag(name, value, cls=style if k in table.numbers else None)
 
     head = tag("tr", *(cell("th", k, title) for k, title in enumerate(table.head)))
     rows = [

@@ -13,7 +13,7 @@ from sniffer.ground.amounts import lasting, number
 from sniffer.ground.units import sign_of
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
-from sniffer.reports.content import SOUND, tale
+from sniffer.reports.content import SOUND, found_of, tale
 from sniffer.reports.shapes import SIGNS
 from sniffer.statistics.figures import DRAWN, ERROR, LONGEST
 
@@ -111,7 +111,10 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
     if incident.against:
         yield f"- {told(incident.against)}"
     yield from ("", "What was found:", "")
-    yield from (f"- {told(f.code)} ×{f.count}: {told(f.what)}" for f in incident.findings)
+    shown = found_of(incident)
+    yield from (f"- {told(f.code)} ×{f.count}: {told(f.what)}" for f in shown)
+    if more := len(incident.findings) - len(shown):
+        yield f"- and {counted(more, 'further finding')}"
     yield ""
     for exhibit in content.exhibits.get(incident.number, ()):
         place = exhibit.place

@@ -18,7 +18,7 @@ from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS, OFFSET_END, TIME_END_NS, number_in
 from sniffer.ground.model import NS, InputError
 from sniffer.ground.moments import DAY_NS
-from sniffer.ground.wording import Sentence, and_, spelled
+from sniffer.ground.wording import Sentence, and_
 from sniffer.selection.columns import SEVERITIES, VALUES
 from sniffer.selection.expression import near
 
@@ -94,14 +94,10 @@ class CapturePlace:
         Raises:
             InputError: it says which name is near.
         """
-        if isinstance(self.servo, str):
+        if isinstance(self.servo, str) and (why := names.nobody(self.servo)) is not None:
             if not names:
                 raise InputError(_no_id(self.text, self.text.partition(_OF_SERVO)[0]))
-            try:
-                names.having(self.servo)
-            except InputError as error:
-                why = spelled(error, lambda argument, _: argument[0]).partition(": ")[2]
-                raise InputError(f"{self.text}: {why}") from None
+            raise InputError(f"{self.text}: {why}")
 
     def at(self, first_ns: int | None) -> int:
         """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.decoding.called import SERVO_NAME, ServoNames, named_in
+from sniffer.decoding.called import SERVO_NAME, ServoNames
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, and_, spelled
@@ -238,9 +238,6 @@ def _servos(who: Iterable[int | str], names: ServoNames) -> str:
     for servo in who:
         if isinstance(servo, int):
             ids.append(_servo(servo))
-            continue
-        if servo not in names.known and isinstance(one := named_in(servo, ":"), tuple):
-            others.append(f"bus = {_text(one[0])} AND servo_id = {one[1]}")
             continue
         for called, elsewhere in names.having(servo):
             if isinstance(called, tuple):

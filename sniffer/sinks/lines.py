@@ -28,7 +28,7 @@ from sniffer.sinks.kept import packed
 from sniffer.sinks.pieced import BARE, FRAME, SAMPLE, TRANSACTION, LineTexts, cut, encode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence, Set
 
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.sink import Part
@@ -88,7 +88,7 @@ def _named(placed: Placed, called: Mapping[str, str]) -> Placed:
 
 def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) -> Placed:
     f, v, base = batch.frames, batch.values, batch.base
-    rows = shown(batch, "frames", len(f))
+    rows, beside_them = _with_those_beside(batch, "frames", len(f))
     if not len(rows):
         return OF_FRAMES, np.empty(0, np.int64), []
     telling = telling_bytes(pieces.protocol, f, np.frombuffer(batch.data, np.uint8))
@@ -118,7 +118,7 @@ def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) ->
             f'{of_hex}"{hexed[2 * start : 2 * end]}{before}{inner}{behind}{t_start_ns}'
             f"{of_spread}{spread if spread >= 0 else 'null'}{end_of_line}"
         )
-    return OF_FRAMES, f.start[rows] + base, out
+    return OF_FRAMES, f.start[rows] + base, _marked(out, rows, beside_them)
 
 
 def _samples(bus: str, pieces: LineTexts, batch: Batch, values: list[str]) -> Placed:
@@ -152,7 +152,8 @@ def _gaps(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
     base, hexed, named = batch.base, batch.data.hex(), beside(pieces.protocol, batch)
     places: list[int] = []
     out: list[str] = []
-    for gap in (batch.gaps[i] for i in shown(batch, "gaps", len(batch.gaps))):
+    rows, beside_them = _with_those_beside(batch, "gaps", len(batch.gaps))
+    for gap in (batch.gaps[i] for i in rows):
         start, length, reason, detail, t_ns = gap
         around = pieces.gap(bus, reason, batch.clock, named)
         first, of_offset, of_length, of_hex, of_detail, end = around
@@ -162,7 +163,27 @@ def _gaps(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
             f"{first}{t_ns}{of_offset}{base + start}{of_length}{length}"
             f'{of_hex}"{raw}"{of_detail}{told}{end}'
         )
-    return OF_FRAMES, np.array(places, np.int64), out
+    return OF_FRAMES, np.array(places, np.int64), _marked(out, rows, beside_them)
+
+
+def _with_those_beside(batch: Batch, table: str, count: int) -> tuple[Sequence[int], Set[int]]:
+    """Return which frames or gaps are told, and which of them stand beside a selection only."""
+    rows = shown(batch, table, count)
+    if batch.around is None:
+        return rows, frozenset()
+    frames, gaps = batch.around
+    told: list[int] = np.flatnonzero(frames if table == "frames" else gaps).tolist()
+    return told, set(told) - set(rows)
+
+
+def _marked(texts: list[str], rows: Sequence[int], beside_them: Set[int]) -> list[str]:
+    """Return lines, of which those that stand beside a selection only say so."""
+    if not beside_them:
+        return texts
+    return [
+        f'{text[:-2]},"context":true}}\n' if row in beside_them else text
+        for row, text in zip(rows, texts, strict=True)
+    ]
 
 
 def _anomalies(bus: str, pieces: LineTexts, batch: Batch) -> Placed:

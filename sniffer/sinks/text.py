@@ -12,15 +12,16 @@ from rich.style import Style
 from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
-from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.limits import DATED_NS
-from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock, Severity
+from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock
 from sniffer.ground.moments import DAY_NS, date_of, of_day
 from sniffer.ground.wording import plain, short, sums_in_words
 from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.intime import FIRST_NS, READ, InTime
 from sniffer.sinks.report import print_summary, selected
-from sniffer.sinks.words import FrameWords, fit, selected_in_words, told_apart, took_in_words
+from sniffer.sinks.verdicts import verdicts_of
+from sniffer.sinks.words import FrameWords, fit, selected_in_words, told_apart
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sniffer.decoding.called import ServoNames
+    from sniffer.ground.model import Mask
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.intime import WaitTimes
 
@@ -67,12 +69,17 @@ _STYLES: Final = {
     "request": Style(),
     "response": Style(color="green"),
     "head": Style(bold=True),
+    "beside": Style(dim=True),
 }
+
+MARK, LEFT_OUT = "*", "--"
+"""What stands before a line that is selected, where others stand around it, and between such
+stretches."""
 
 
 ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
-"""What the time of a line counts from: the clock's own zero, the first line, the line before of
-the same bus."""
+"""What the time of a line counts from: the clock's own zero, the first line of the capture, the
+line before of the same bus."""
 
 
 class _Laid(NamedTuple):
@@ -84,6 +91,12 @@ class _Laid(NamedTuple):
     style: str
     cells: tuple[str, str, str, str, str]
     raw: bytes
+    end: int = -1
+    """Where what it is of ends in the stream, -1 of a line that is of no bytes of its own."""
+    is_meant: bool = True
+    """Whether it is selected: others stand around such lines."""
+    is_apart: bool = False
+    """Whether lines were left out between it and the one before of its bus."""
 
 
 class TextSink:
@@ -124,7 +137,9 @@ class TextSink:
         self._expected = frozenset(buses)
         self._widths: list[int] = []
         """Of the columns, once there is a line."""
-        self._with_bytes = self._with_bus = False
+        self._with_bytes = self._with_bus = self._with_mark = False
+        self._shown_until: dict[str, int] = {}
+        """Up to which byte of each bus there are lines."""
         self._shown: dict[str, str] = {}
         """Buses as lines name them."""
 
@@ -148,7 +163,8 @@ class TextSink:
         self._shown.update(told_apart(shown, room))
         time, *_, kind, command, verdict = WIDTHS if self._wide else NARROW
         before = [time + self._more, *[room] * self._with_bus, self._ids, kind, command]
-        left = max(self._width - sum(n + 1 for n in (*before, verdict)), 12)
+        marked = 2 * self._with_mark
+        left = max(self._width - marked - sum(n + 1 for n in (*before, verdict)), 12)
         left = left if self._is_cut else VALUES + BYTES + 1
         self._with_bytes = self._wide and left > VALUES + BYTES
         values = [VALUES, left - VALUES - 1] if self._with_bytes else [left]
@@ -157,6 +173,9 @@ class TextSink:
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what of it is written: instead of a summary of all, that is told at the end."""
         self._summary.narrow(told)
+        self._with_mark = self._with_mark or "context" in told
+        if "part" in told and self._times == RELATIVE:
+            self._first_ns = told["first_ns"] or 0
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take a line for each frame and gap of the batch, in wire order."""
@@ -174,8 +193,22 @@ class TextSink:
             known = () if self._first_ns is None else (self._first_ns,)
             self._first_ns = min((*begun, *known), default=None)
         lines.sort(key=lambda line: line.start)
+        if self._with_mark:
+            lines = self._parted(bus, parts[0][1].base, lines)
         if lines:
             self._lines.add(bus, [(line.t_ns, line) for line in lines])
+
+    def _parted(self, bus: str, base: int, lines: Iterable[_Laid]) -> list[_Laid]:
+        """Return lines that say where others were left out before them."""
+        out = []
+        for line in lines:
+            until = self._shown_until.get(bus)
+            if line.end >= 0:
+                is_apart = until is not None and base + line.start > until
+                line = line._replace(is_apart=is_apart)
+                self._shown_until[bus] = base + line.end
+            out.append(line)
+        return out
 
     def passed(self, until_ns: int | None, open_buses: Collection[str]) -> None:
         """Write the lines that are due: those of all buses in the order of time."""
@@ -205,6 +238,8 @@ class TextSink:
             if self._times == ABSOLUTE and self._day not in (None, day):
                 told.append(self._paint("head", date_of(line.t_ns)))
             self._day = day
+            if line.is_apart:
+                told.append(self._paint("beside", LEFT_OUT))
             told.append(self._laid_out(line, bus))
         self._stream.write("\n".join(told) + "\n")
 
@@ -213,8 +248,9 @@ class TextSink:
 
     def _lines_of(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
         f = batch.frames
-        verdicts = _verdicts(batch)
-        rows = np.flatnonzero(meant(batch)).tolist()
+        verdicts = verdicts_of(batch)
+        is_meant, (frames, gaps) = meant(batch), _with_lines(batch)
+        rows = np.flatnonzero(frames).tolist()
         words = FrameWords.of(protocol).told(batch, rows)
         asked = selected_in_words(protocol, batch)
         whose = f"{protocol.name}: " * batch.is_shared
@@ -232,13 +268,14 @@ class TextSink:
                 word,
             )
             style = style or ("response" if response else "request")
-            yield _Laid(start, t_ns, batch.clock, style, cells, batch.data[start:end])
-        for g, is_shown in zip(
-            batch.gaps, batch.shows("gaps", len(batch.gaps)).tolist(), strict=True
-        ):
-            if is_shown:
-                raw = batch.data[g.start : g.start + g.length]
-                yield self._gap(batch, g.start, g.t_ns, g.reason, raw, g.detail)
+            raw = batch.data[start:end]
+            yield _Laid(start, t_ns, batch.clock, style, cells, raw, end, bool(is_meant[i]))
+        is_meant = batch.shows("gaps", len(batch.gaps))
+        for i in np.flatnonzero(gaps).tolist():
+            g = batch.gaps[i]
+            raw = batch.data[g.start : g.start + g.length]
+            line = self._gap(batch, g.start, g.t_ns, g.reason, raw, g.detail)
+            yield line._replace(end=g.start + g.length, is_meant=bool(is_meant[i]))
         if batch.chosen is not None:
             for i in np.flatnonzero(batch.chosen("anomalies")).tolist():
                 yield self._anomaly(batch, self._summary.names.on(bus, batch.anomalies[i]))
@@ -281,7 +318,8 @@ class TextSink:
 
     def _laid_out(self, line: _Laid, bus: str) -> str:
         cells = (self._time(line, bus), *line.cells)
-        return self._paint(line.style, self._line(cells, bus=bus, raw=line.raw))
+        mark, style = (MARK, line.style) if line.is_meant else ("", "beside")
+        return self._paint(style, self._line(cells, bus=bus, raw=line.raw, mark=mark))
 
     def _anomaly(self, batch: Batch, found: Anomaly) -> _Laid:
         level = found.severity.name.lower()
@@ -311,7 +349,9 @@ class TextSink:
             self._second = t_ns // NS, of_day(t_ns, 0)
         return f"{self._second[1]}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
-    def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
+    def _line(
+        self, cells: Sequence[str], *, bus: str, raw: bytes | None = None, mark: str = ""
+    ) -> str:
         time, servo, kind, op, values, verdict = cells
         row = [time, servo.rjust(IDS), kind, op, values, verdict]
         if self._ids > IDS and servo.isdecimal():
@@ -327,7 +367,8 @@ class TextSink:
         if not (row[1].isascii() and row[2].isascii()):  # names may have signs of two cells
             row_widths = zip(row, widths, strict=True)
             widths = [room + len(cell) - cell_len(cell) for cell, room in row_widths]
-        return " ".join(map(lay, row, widths)).rstrip()
+        marked = f"{mark:2}" if self._with_mark else ""
+        return f"{marked}{' '.join(map(lay, row, widths))}".rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:
@@ -341,6 +382,13 @@ HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 """Titles of the columns."""
 
 
+def _with_lines(batch: Batch) -> tuple[Mask, Mask]:
+    """Return which frames and which gaps have a line."""
+    if batch.around is not None:
+        return batch.around
+    return meant(batch), batch.shows("gaps", len(batch.gaps))
+
+
 def _day_of(t_ns: int) -> int | None:
     """Return the number of a time's day, None of one that tells no day."""
     return None if t_ns < DATED_NS else t_ns // DAY_NS
@@ -348,24 +396,3 @@ def _day_of(t_ns: int) -> int | None:
 
 def _system(console: Console) -> Any:
     return console._color_system
-
-
-def _verdicts(batch: Batch) -> list[tuple[str, str]]:
-    """Return for each frame how long the reply took or what is wrong, and the style of its line."""
-    out = [("", "")] * len(batch.frames)
-    t = batch.transactions
-    late = {a.evidence[0][0] for a in batch.anomalies if a.code == "late-response"}
-    columns = (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
-    for q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
-        if outcome == OK:
-            slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late
-            out[r] = (took_in_words(took, spread, "late " if slow else ""), "warn" if slow else "")
-        elif outcome != NOT_EXPECTED:
-            out[r if r >= 0 else q] = (OUTCOMES[outcome].replace("_", " "), "error")
-    marks = {a.evidence[0][0]: a for a in batch.anomalies if a.group in ("protocol", "device")}
-    for i, start in enumerate((batch.frames.start + batch.base).tolist()):
-        found = marks.get(start)
-        if found is not None and found.severity > Severity.NOTE and out[i][1] != "error":
-            code = found.code.removeprefix("device-").replace("-", " ")
-            out[i] = (code, found.severity.name.lower())
-    return out

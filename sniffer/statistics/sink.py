@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.anomalies.alarms import on_bus
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
@@ -149,7 +150,7 @@ class Statistics:
         name = bus_of(bus, protocol, batch)
         lane = self.lanes.get(name)
         if lane is None:
-            exceedings = Exceedings(protocol, self._alarms)
+            exceedings = Exceedings(protocol, on_bus(self._alarms, bus, self.names.ids))
             lane = LaneNumbers(protocol, CommandBook(protocol), TroubleBook(), exceedings)
             self.lanes[name] = lane
         lane.commands.add(batch, mine)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.case import BUCKET_NS
+from sniffer.diagnosis.evidence.tracks import track
 from sniffer.diagnosis.ledger.histograms import Histograms
 from sniffer.ground.model import MS
 
@@ -274,6 +276,25 @@ def turns(case: Case, rests: Sequence[Pause]) -> set[int]:
         row = [*row, p] if nth is not None else []
         if len(row) >= TURNS:
             found.update(one.at for one in row)
+    return found
+
+
+def motions(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, stand between a goal that is far away and a look at its joint.
+
+    A program waits there for as long as the way takes.
+    """
+    kinds = case.ledger.exchanges.kinds
+    found: set[int] = set()
+    for p in rests:
+        if min(p.kind, p.next_kind) < 0 or kinds.servo_id[p.kind] != kinds.servo_id[p.next_kind]:
+            continue
+        joint = track(case, kinds.servo_id[p.kind])
+        if joint is None:
+            continue
+        then = np.abs(joint.goal.t - p.t_ns) <= BUCKET_NS
+        if float(joint.goal.step[then].max(initial=0.0)) > joint.far:
+            found.add(p.at)
     return found
 
 

@@ -21,6 +21,9 @@ RARELY: Final = 0.02
 OFTEN: Final = 0.3
 """A kind that is said less often than so much of the busiest one is no part of the cycle."""
 
+PEERS: Final = 2
+"""Other servos of which a controller asks one thing behind the other."""
+
 STRICT: Final = 0.9
 """Share of requests behind which the one comes that comes there most often, in a fixed order."""
 
@@ -108,6 +111,27 @@ class Order:
         k = self._kinds
         every = enumerate(zip(k.servo_id, k.op, k.address, k.odd, strict=True))
         return {Asking(*asking): n for n, (*asking, odd) in every if not odd}
+
+    def leaves_servo(self, kind: int, after: int) -> bool:
+        """Tell whether another servo is asked behind a request, as never behind those to others.
+
+        Whoever asks two servos and more first for this and then for that asks each of them so.
+        """
+        k = self._kinds
+        form = k.op[kind], k.address[kind], k.odd[kind]
+        peers = [
+            peer
+            for peer in self.usual
+            if peer >= 0 and (k.op[peer], k.address[peer], k.odd[peer]) == form
+            if k.servo_id[peer] != k.servo_id[kind]
+        ]
+        stays = all(
+            then >= 0 and k.servo_id[then] == k.servo_id[peer]
+            for peer in peers
+            for then in self.usual[peer]
+        )
+        leaves = after >= 0 and k.servo_id[after] != k.servo_id[kind]
+        return leaves and stays and len({k.servo_id[peer] for peer in peers}) >= PEERS
 
     def skips_one(self, kind: int, after: int) -> bool:
         """Tell whether just one request is missing between two kinds."""

@@ -16,11 +16,13 @@ from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.followed import CHANCE, USUAL, followed
 from sniffer.diagnosis.evidence.hasty import ends_of_requests
 from sniffer.diagnosis.evidence.heard import heard
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.neighbours import spoken_over
 from sniffer.diagnosis.evidence.overdue import is_overdue
 from sniffer.diagnosis.evidence.owners import JITTER_NS, owner
 from sniffer.diagnosis.evidence.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.evidence.stamps import grid_ns
+from sniffer.diagnosis.evidence.swallowing import swallowing
 from sniffer.diagnosis.ledger.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.physics.comparing import alike
 from sniffer.diagnosis.physics.misread import alike_of
@@ -44,11 +46,6 @@ SHARE: Final = 0.02
 PART: Final = 0.25
 """Part of the torn answers that must be two at once."""
 
-AHEAD: Final = 3.0
-"""How many times the others' share of torn answers a servo must have to be looked at."""
-
-LOOKED: Final = 100
-"""Torn answers of a servo that are looked at."""
 
 STEADY: Final = 0.3
 """A delay is another servo's if it varies no more than so much of what one's own would."""
@@ -163,6 +160,8 @@ def _twins(case: Case) -> Mapping[int, Twin]:
                 d for d in case.damages if d.turn in (AT_TURN, IN_IDLE) and d.earlier_id == other
             ]
     for servo, answers in torn_answers(case).items():
+        if servo in swallowing(case):
+            continue
         twin = found.setdefault(servo, Twin(servo))
         tried = [(d, b) for d in answers if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
         twin.tried = len(tried)
@@ -331,22 +330,6 @@ def _begin_with_pulses(case: Case, servo: int, since_ns: int) -> bool:
 def _behind_whom(d: Damage) -> int:
     """Return behind whose exchange a torn request, or a stray byte, stands."""
     return d.asked_id if d.behind == RESPONSE else d.earlier_id
-
-
-def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
-    """Return the torn answers of each servo that has far more of them than others."""
-    out: dict[int, list[Damage]] = {}
-    for d in case.damages:
-        if d.turn == IN_REPLY and d.servo_id >= 0:
-            out.setdefault(d.servo_id, []).append(d)
-    frames = max(case.ledger.frames, 1)
-    total = sum(len(torn) for torn in out.values())
-    return {
-        s: torn[:LOOKED]
-        for s, torn in sorted(out.items())
-        if len(torn) >= LEAST
-        and len(torn) / (case.total("ok", s) + len(torn)) >= AHEAD * (total - len(torn)) / frames
-    }
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

@@ -14,7 +14,9 @@ from sniffer.diagnosis.ledger.buckets import in_groups
 from sniffer.ground.columnar import Columns
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64
+    from collections.abc import Sequence
+
+    from sniffer.ground.model import I64, Remark
 
 ANOMALY, SETTING, REMARK = range(3)
 """``Happenings.kind``: ``what`` is a row of ``found.CODES``, a register, a ``MarkKind``."""
@@ -50,6 +52,14 @@ def happened(kind: int, what: I64, servo_id: I64, t_ns: I64, at: I64, length: I6
     none = np.full(n, -1, np.int64)
     of = np.full(n, kind, np.int64)
     return Happenings(of, what, servo_id, t_ns, at, length, none, none, np.zeros(n, np.int64))
+
+
+def remarked(remarks: Sequence[Remark]) -> Happenings:
+    """Return what the tap remarked as rows, with its counts."""
+    rows = np.array([(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in remarks], np.int64)
+    kind, t_ns, at, length, count = rows.T
+    nobody = np.full(len(rows), -1, np.int64)
+    return happened(REMARK, kind, nobody, t_ns, at, length).having(after=count)
 
 
 class Events:

@@ -7,6 +7,8 @@ plugged in::
     request   restart 1   echo 1   echo 1   echo 1        id 0 := 4   echo 0   echo 0   echo 0
     answer    ok          -        -        ok            ok          -        -        ok
                           excused  excused                            excused  excused
+
+Of one that is not back in the time that a start takes all counts since the order.
 """
 
 from __future__ import annotations
@@ -24,8 +26,9 @@ from sniffer.protocols.base import RESTARTS, ends_goal
 from sniffer.protocols.ids import shared_ids
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from sniffer.ground.model import I64
     from sniffer.protocols.base import BusProtocol
 
 START_NS: Final = 3 * NS
@@ -42,7 +45,8 @@ FEW: Final = 2
 """Requests to an id that was given away that look whether it is gone."""
 
 KEPT: Final = 500
-"""So many requests to such an id wait for an answer to it; further ones count as they come."""
+"""So many requests to such an id wait for an answer to it; further ones count as they come. To a
+servo that starts so many are kept that count if it is not back in time."""
 
 ALL: Final = -1
 """Stands for every id where all servos are told at once."""
@@ -64,10 +68,16 @@ class _Order(NamedTuple):
 
 @dataclass(slots=True)
 class _InVain:
-    """Requests to an id that was given away, and the anomalies that they are."""
+    """Requests that are excused until one knows better, and the anomalies that they are."""
 
     frames: list[Frames] = field(default_factory=list)
     found: list[Anomalies] = field(default_factory=list)
+
+    def keep(self, request: Frames, found: Anomalies) -> None:
+        """Keep one request, and what was found of it."""
+        self.frames.append(request)
+        mine = (found.code == _MISSING) & (found.at == request.start[0])
+        self.found.append(found.take(np.flatnonzero(mine)))
 
 
 class Excused:
@@ -87,6 +97,12 @@ class Excused:
         """By servo and the place of the order to start, how often it was asked in vain since."""
         self._in_vain: dict[int, _InVain] = {}
         """By ids that were given away."""
+        self._starting: dict[int, _InVain] = {}
+        """By servos that start anew."""
+        self._overdue: list[_InVain] = []
+        """Of servos that were not back in time: what counts after all."""
+        self.started: dict[int, list[int]] = {}
+        """By servo, when it answered again behind an order to start, the first so many times."""
         self._given: set[int] = set()
         """Those that answer still: some servos take another id with their next start."""
 
@@ -104,6 +120,7 @@ class Excused:
         at, t_start = frames.start[of] + batch.base, frames.t_start[of]
         found = Anomalies.of(batch.anomalies)
         excused: list[int] = []
+        starting: dict[int, list[int]] = {}
         order = np.argsort(at, kind="stable")
         columns = (frames.servo_id[of], at, t_start, t.outcome[rows])
         for k, servo, place, t_ns, outcome in zip(
@@ -113,9 +130,26 @@ class Excused:
                 self._take(*told.pop(0))
             if outcome != NO_RESPONSE:
                 self._answered(servo, place)
-            elif self._is_excused(servo, place, t_ns, has_clock=batch.clock != Clock.NONE):
+                if servo in starting or self._starting.pop(servo, None) is not None:
+                    self._start_over(servo, t_ns)
+                excused += starting.pop(servo, [])
+                continue
+            last = self._last_told(servo, place)
+            if last is None:
+                continue
+            if not last.is_id and not self._is_early(servo, last, t_ns, batch.clock):
+                starting.pop(servo, None)
+                self._overdue += [self._starting.pop(servo)] if servo in self._starting else []
+            elif not last.is_id:
+                starting.setdefault(servo, []).append(k)
+            elif len(self._in_vain[servo].frames) < KEPT:
                 excused.append(k)
-                self._keep(frames.take(of[k : k + 1]).having(start=at[k : k + 1]), found)
+                self._in_vain[servo].keep(_one(frames, of, at, k), found)
+        for servo, some in starting.items():
+            excused += some
+            held = self._starting.setdefault(servo, _InVain())
+            for k in some[: KEPT - len(held.frames)]:
+                held.keep(_one(frames, of, at, k), found)
         for one, servo in told:
             self._take(one, servo)
         self._forget(int(t_start.max()) if len(rows) else 0)
@@ -130,25 +164,14 @@ class Excused:
             anomalies=found.take(np.flatnonzero(left)),
         )
 
+    def overdue(self) -> Batch | None:
+        """Return, once, the requests to servos that were not back in time, if any."""
+        some, self._overdue = self._overdue, []
+        return _counting(some)
+
     def withheld(self) -> Batch | None:
         """Return the requests to ids that were given away which are answered no more, if any."""
-        some = [one for one in self._in_vain.values() if len(one.frames) > FEW]
-        if not some:
-            return None
-        frames = Frames.concat([row for one in some for row in one.frames])
-        frames = frames.take(np.argsort(frames.start, kind="stable"))
-        n = len(frames)
-        none = np.full(n, -1, np.int64)
-        return Batch(
-            0,
-            b"",
-            Clock.NONE,  # nobody asks for it
-            frames,
-            (),
-            Transactions(np.arange(n), none, np.full(n, NO_RESPONSE, np.uint8), none, none),
-            Samples.empty(),
-            Anomalies.joined([found for one in some for found in one.found]),
-        )
+        return _counting([one for one in self._in_vain.values() if len(one.frames) > FEW])
 
     def _told(self, batch: Batch) -> Iterator[tuple[_Order, int]]:
         """Yield who is told to start anew, and whose id is given away."""
@@ -186,34 +209,36 @@ class Excused:
         if order.is_id:
             self._in_vain[servo] = _InVain()
 
-    def _is_excused(self, servo: int, at: int, t_ns: int, *, has_clock: bool) -> bool:
-        for who in (servo, ALL):
-            order = self._orders.get(who)
-            if order is None or order.at >= at or self._had.get(servo, -1) > order.at:
-                continue
-            if order.is_id:
-                return len(self._in_vain[servo].frames) < KEPT
-            self._asked[servo, order.at] += 1
-            is_early = has_clock or self._asked[servo, order.at] <= WITHOUT_CLOCK
-            if is_early and t_ns - order.t_ns <= START_NS:
-                return True
-        return False
+    def _last_told(self, servo: int, at: int) -> _Order | None:
+        """Return what a servo was told last before a place and has not done yet."""
+        some = (self._orders.get(who) for who in (servo, ALL))
+        open_ones = [
+            order
+            for order in some
+            if order is not None and self._had.get(servo, -1) <= order.at < at
+        ]
+        return max(open_ones, key=lambda order: (order.is_id, order.at), default=None)
+
+    def _is_early(self, servo: int, order: _Order, t_ns: int, clock: Clock) -> bool:
+        """Tell whether a servo may still start."""
+        self._asked[servo, order.at] += 1
+        is_counted = clock != Clock.NONE or self._asked[servo, order.at] <= WITHOUT_CLOCK
+        return is_counted and t_ns - order.t_ns <= START_NS
+
+    def _start_over(self, servo: int, t_ns: int) -> None:
+        """Take that a servo is there again behind its start."""
+        times = self.started.setdefault(servo, [])
+        times += [t_ns] if len(times) < KEPT else []
 
     def _forget(self, now_ns: int) -> None:
         """Drop orders to start that are done, also where everybody answered."""
         for who, order in list(self._orders.items()):
             if not order.is_id and now_ns - order.t_ns > LONG_AGO_NS:
                 del self._orders[who]
+        if ALL not in self._orders:
+            self._starting = {who: x for who, x in self._starting.items() if who in self._orders}
         live = {order.at for order in self._orders.values()}
         self._asked = Counter({key: n for key, n in self._asked.items() if key[1] in live})
-
-    def _keep(self, request: Frames, found: Anomalies) -> None:
-        """Keep a request to an id that was given away, and what was found of it."""
-        held = self._in_vain.get(int(request.servo_id[0]))
-        if held is not None:
-            held.frames.append(request)
-            mine = (found.code == _MISSING) & (found.at == request.start[0])
-            held.found.append(found.take(np.flatnonzero(mine)))
 
     def _answered(self, servo: int, at: int) -> None:
         """Take that somebody answers to an id: what he was told is done."""
@@ -225,3 +250,28 @@ class Excused:
                 self._given.discard(servo)
         if ALL in self._orders:
             self._had[servo] = at
+
+
+def _one(frames: Frames, of: I64, at: I64, k: int) -> Frames:
+    """Return one request with its place in the stream."""
+    return frames.take(of[k : k + 1]).having(start=at[k : k + 1])
+
+
+def _counting(some: Sequence[_InVain]) -> Batch | None:
+    """Return requests as a batch in which none has an answer, if any."""
+    if not some:
+        return None
+    frames = Frames.concat([row for one in some for row in one.frames])
+    frames = frames.take(np.argsort(frames.start, kind="stable"))
+    n = len(frames)
+    none = np.full(n, -1, np.int64)
+    return Batch(
+        0,
+        b"",
+        Clock.NONE,  # nobody asks for it
+        frames,
+        (),
+        Transactions(np.arange(n), none, np.full(n, NO_RESPONSE, np.uint8), none, none),
+        Samples.empty(),
+        Anomalies.joined([found for one in some for found in one.found]),
+    )

@@ -15,7 +15,7 @@ from sniffer.anomalies.found import CODES, Anomalies
 from sniffer.decoding.pairing import unasked
 from sniffer.diagnosis.ledger.buckets import TimedBuckets, in_groups
 from sniffer.diagnosis.ledger.damage import Damages
-from sniffer.diagnosis.ledger.events import ANOMALY, REMARK, Events, happened
+from sniffer.diagnosis.ledger.events import ANOMALY, Events, happened, remarked
 from sniffer.diagnosis.ledger.exchanges import Exchanges
 from sniffer.diagnosis.ledger.excused import Excused
 from sniffer.diagnosis.ledger.histograms import Histograms
@@ -146,12 +146,17 @@ class Ledger:
         """Take what one pass decided."""
         self.unanswered_reads.add(batch)
         batch = self.excused.without(self.unproven.without(batch))
+        overdue = self.excused.overdue()
+        if overdue is not None:
+            self.count_in_vain(overdue)
         self.clock = batch.clock
         self.bytes += len(batch.data)
         if batch.base < HEAD:
             self.head = (self.head + batch.data)[:HEAD]
         self.models.update(batch.models)
-        self._remarks(batch)
+        if batch.remarks:
+            self.line_errors.add(batch)
+            self.events.add(remarked(batch.remarks))
         if len(batch.anomalies):
             self.count_alarms(Anomalies.of(batch.anomalies))
             self.second_answers.add(batch, self.damages.likes)
@@ -190,9 +195,8 @@ class Ledger:
         f = batch.frames
         rows = np.flatnonzero((f.kind != REQUEST) & (f.length > 1))
         if len(rows):
-            start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
-            self.answer_length = length
-            raw = batch.data[start : start + length]
+            start, self.answer_length = int(f.start[rows[0]]), int(f.length[rows[0]])
+            raw = batch.data[start : start + self.answer_length]
             self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def _traffic(self, batch: Batch) -> None:
@@ -372,6 +376,13 @@ class Ledger:
                 t_last=gaps.t_ns,
             )
 
+    def count_in_vain(self, held: Batch) -> None:
+        """Count requests in that were excused and have no answer; their place is before others'."""
+        self.count_alarms(Anomalies.of(held.anomalies))
+        self.count_answers(held)
+        self.silences.add(held)
+        self.events.sort()
+
     def count_alarms(self, found: Anomalies) -> None:
         """Count anomalies in, and keep them one by one."""
         code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
@@ -386,15 +397,3 @@ class Ledger:
             t_last=found.t_ns,
         )
         self.events.add(happened(ANOMALY, code, servo, found.t_ns, found.at, found.length))
-
-    def _remarks(self, batch: Batch) -> None:
-        if not batch.remarks:
-            return
-        self.line_errors.add(batch)
-        rows = np.array(
-            [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
-        )
-        kind, t_ns, at, length, count = rows.T
-        nobody = np.full(len(rows), -1, np.int64)
-        told = happened(REMARK, kind, nobody, t_ns, at, length)
-        self.events.add(told.having(after=count))

@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 from typing import TYPE_CHECKING
 
-from sniffer.anomalies.found import Anomalies
-
 if TYPE_CHECKING:
     from sniffer.diagnosis.ledger.ledger import Ledger
 
@@ -20,8 +18,5 @@ def with_withheld(ledger: Ledger) -> Ledger:
     out.answers, out.alarms = ledger.answers.copy(), ledger.alarms.copy()
     out.events = ledger.events.copy()
     out.silences = copy.deepcopy(ledger.silences)
-    out.count_alarms(Anomalies.of(held.anomalies))
-    out.count_answers(held)
-    out.silences.add(held)
-    out.events.sort()
+    out.count_in_vain(held)
     return out

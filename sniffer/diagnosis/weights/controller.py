@@ -60,6 +60,20 @@ WEIGHTS: Final = (
         )
         for weight in for_(cause, *_SPEAKS_INTO)
     ),
+    *(
+        weight
+        for cause in ("brownout", "bad-cable", "clock-drift")
+        for weight in for_(
+            cause,
+            ("start-takes-long", -3.0, "it is away because it was told to start anew"),
+            (
+                "started-when-missing",
+                0.2,
+                "an answer is missing, and the controller starts it anew",
+            ),
+        )
+    ),
+    *for_("retry-storm", ("start-takes-long", -2.0, "it asks until the servo has started")),
     *for_("slow-servo", ("torn-behind-unanswered", -3.0, "others are as late, and torn for it")),
     *for_(
         "duplicate-id",
@@ -226,6 +240,7 @@ WEIGHTS: Final = (
         ("joint-not-following", 0.5, "half a goal moves nothing"),
         ("goal-jump", 0.3, "half a goal is another goal"),
         ("doubtful-value", 0.1, "half a goal is another goal"),
+        ("position-jumps", 0.2, "a joint goes where half a goal sends it"),
         ("device-range", 0.4, "the servo refuses the length"),
         ("device-packet-not-processable", 0.4, "the servo refuses the packet"),
         ("refuses-command", 0.4, "the servo refuses the packet"),

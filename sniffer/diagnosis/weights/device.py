@@ -19,7 +19,9 @@ WEIGHTS: Final = (
         weight
         for cause in ("brownout", "servo-reset-loop", "bad-cable", "clock-drift")
         for weight in for_(
-            cause, ("all-miss-alike", -3.5, "all servos miss as much: it is what they share")
+            cause,
+            ("all-miss-alike", -3.5, "all servos miss as much: it is what they share"),
+            ("first-behind-rest", -4.0, "while the line is at work nothing is missing"),
         )
     ),
     *(
@@ -68,6 +70,7 @@ WEIGHTS: Final = (
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("complaints-together", 2.5, "several complain at once: they share a supply"),
         ("all-away-at-once", 1.0, "all go away at once: they share a supply"),
+        ("several-away-at-once", 2.2, "several go at one moment: they share a supply"),
         ("away-for-long", -2.5, "a supply that sags is back in moments, a servo in seconds"),
         ("supply-steady", -2.0, "its supply was in order before it fell silent"),
         ("temperature-high", -0.5, "it may protect itself for heat instead"),
@@ -104,10 +107,17 @@ WEIGHTS: Final = (
         ("torn-when-away", -2.0, "it leaves within answers, as a contact has it"),
         ("others-away-too", -5.0, "another servo goes away as often: two do not both start anew"),
         ("all-away-at-once", -5.0, "all go away at once: it is what they share"),
+        ("several-away-at-once", -5.0, "several go at one moment: it is what they share"),
         ("one-question-unanswered", -6.0, "who restarts answers no question meanwhile"),
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.5, "it goes away at even times, as restarts come"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
+        ("start-takes-long", 4.0, "it starts because it is told to, and takes long"),
+        (
+            "started-when-missing",
+            -2.5,
+            "it starts because it is told to, when an answer is missing",
+        ),
         ("torque-survives", -5.0, "its torque is on when it is back: it was not without power"),
         ("voltage-sag", -2.5, "its supply is low then"),
         ("device-safe-mode", -1.5, "it protects itself first: something is wrong around it"),
@@ -152,6 +162,7 @@ WEIGHTS: Final = (
         ("follows-again", -2.5, "a motor that is off does not come back unasked"),
         ("joint-limp-after-restart", 2.2, "it does not follow since it was away"),
         ("joint-limp-after-alarm", 0.8, "it does not follow since it complained"),
+        ("several-away-at-once", -2.0, "several go at one moment: their torque follows from that"),
         ("back-at-defaults", 0.6, "it was without power"),
         ("away-for-a-while", 0.4, "it was without power"),
         ("supply-steady", 0.2, "it was without power, and not because the supply sagged"),
@@ -230,6 +241,7 @@ WEIGHTS: Final = (
         "overload",
         ("device-overload", 3.0, "it says that it bears too much"),
         ("load-high", 2.5, "it bears nearly all that it can"),
+        ("lags-more", 2.2, "it can follow less and less"),
         ("joint-limp-after-alarm", 1.0, "it gives up"),
         ("device-stuck", 1.0, "it cannot move as fast as it is told"),
         ("device-safe-mode", 0.9, "it protects itself, for current perhaps"),
@@ -361,6 +373,7 @@ WEIGHTS: Final = (
     *for_(
         "position-jump",
         ("position-jumps", 3.0, "a measured position does what no joint can"),
+        ("writes-part", -1.5, "half a goal sends a joint anywhere"),
         ("doubtful-value", 0.5, "a value that may be damage: its protocol has no checksum"),
     ),
     *for_(

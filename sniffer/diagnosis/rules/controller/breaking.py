@@ -41,13 +41,14 @@ ANSWERS: Final = 0.2
 
 def requests_broken_off(case: Case) -> Iterator[Finding]:
     """Beginnings of requests with nothing behind them."""
-    if case.has_bare_answers:  # an answer without a header is no end of what is before it
-        return
     known = case.ledger.exchanges.kinds.requests
+    # a bare answer behind would be no end of it; of the shortest ones one byte alone can be missing
+    shortest = min(map(len, known), default=0) - 1
+    least, places = min(PIECE, shortest), 1 if shortest < PIECE else PLACES
     torn = [d for d in case.damages if d.turn not in (IN_REPLY, HELD, REST)]
     begun = [d for d in torn if are_beginnings(d.got, known)]
-    some = [d for d in begun if d.length >= PIECE]
-    if len(some) < LEAST or len({d.length for d in some}) < PLACES:
+    some = [d for d in begun if d.length >= least]
+    if len(some) < LEAST or len({d.length for d in some}) < places:
         return
     answers = sum(d.turn == IN_REPLY for d in case.damages)
     if len(begun) < NEARLY * len(torn) or answers > ANSWERS * len(some):

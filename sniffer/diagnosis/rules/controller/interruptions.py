@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.hasty import ends_of_requests
 from sniffer.diagnosis.evidence.intruders import OVERLAPS, torn_requests
 from sniffer.diagnosis.evidence.order import Order
 from sniffer.diagnosis.evidence.placed import finding_of
+from sniffer.diagnosis.evidence.swallowing import swallowing
 from sniffer.diagnosis.evidence.twins import of_twins, torn_by_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
@@ -172,16 +173,19 @@ def swallowed(case: Case) -> Iterator[Finding]:
         return
     order = case.once(Order)
     judged, shown = 0, []
+    as_peers = {f for some in swallowing(case).values() for f in some}
     for f in exchanges.failed:
         damage = torn.get(f.at + f.length)
-        if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
+        if damage is None or f.outcome != DAMAGED:
+            continue
+        if f.kind not in order.usual and f not in as_peers:
             continue
         if damage.length + SHORT < len(damage.expected):
             continue
         if is_timed and not _is_in_one_go(case, damage, f.t_ns):
             continue
         judged += 1
-        if order.skips_one(f.kind, f.next_kind):
+        if order.skips_one(f.kind, f.next_kind) or f in as_peers:
             shown.append(f)
     # the order needs no times; without them an answer may be torn, and a request lost, apart
     share, least = (SHARE, ENOUGH) if is_timed else (NEARLY, UNTIMED)

@@ -1,10 +1,13 @@
-"""Servos that are silent since they were told something that they are told hardly ever."""
+"""Servos that are silent since they were told something."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.placed import silent
+from sniffer.diagnosis.evidence.told import started_behind, told_to_start
+from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
@@ -22,6 +25,11 @@ LOOK_IT_UP: Final = (
     "factory settings with another id or rate), and how it is led back; ping it at other ids and rates."
 )
 
+WAIT_LONGER: Final = (
+    "Time one start by hand, from the order to the first answer, and wait as long; look why it is told "
+    "to start anew at all."
+)
+
 FINDINGS: Final = (
     FindingCode(
         "silent-since-an-order",
@@ -30,6 +38,18 @@ FINDINGS: Final = (
         remedy=LOOK_IT_UP,
         settle=LOOK_IT_UP,
         concerns="",
+    ),
+    FindingCode(
+        "start-takes-long",
+        "A servo is silent from an order to start anew on, for longer than a start takes.",
+        "Nine in ten of its silences of three requests and more begin with such an order, and last longer than three seconds, the longest start known of these servos.",
+        remedy=WAIT_LONGER,
+        settle=WAIT_LONGER,
+    ),
+    FindingCode(
+        "started-when-missing",
+        "The controller starts a servo anew whenever an answer of it is missing.",
+        "Three silences and more, behind the first request of nine in ten of which the servo is told to start anew before it is asked on.",
     ),
 )
 
@@ -44,6 +64,13 @@ SHOWN: Final = 2
 
 RESTART_ALONE: Final = 0.5
 """How much it counts where it was only told to start anew: that ends with its answers, mostly."""
+
+
+EACH: Final = 0.9
+"""Part of its silences that such orders begin, or follow."""
+
+SOME: Final = 3
+"""Silences from which on an order behind each is a habit."""
 
 
 class _LastOrder(NamedTuple):
@@ -105,5 +132,35 @@ def _orders(case: Case, servo: int, silent: Silence) -> list[_LastOrder]:
     return sorted(found)
 
 
-RULES: Final[tuple[Rule, ...]] = (silent_since_an_order,)
+def start_takes_long(case: Case) -> Iterator[Finding]:
+    """Find servos that are away behind orders to start anew, and for longer than that takes."""
+    for servo in case.answering if case.has_clock else ():
+        away = [s for s in case.ledger.silences.of(servo) if s.back_ns is not None]
+        slow = [s for s in told_to_start(case, servo, away) if s.lasted_ns > START_NS]
+        if slow and len(slow) >= EACH * len(away):
+            longest = max(s.lasted_ns for s in slow) / NS
+            what = f"servo {servo} is told to start anew, and answers again {longest:.1f} s behind that"
+            if len(slow) > 1:
+                what += f" at most, {len(slow)} times"
+            yield silent("start-takes-long", servo, slow, what, 1.0)
+
+
+def started_when_missing(case: Case) -> Iterator[Finding]:
+    """Find servos that are told to start anew whenever they leave a request without an answer."""
+    for servo in case.answering:
+        runs = case.ledger.silences.runs(servo)
+        told = started_behind(case, servo, runs)
+        if len(told) >= max(SOME, EACH * len(runs)):
+            what = (
+                f"behind {len(told)} of {len(runs)} requests that servo {servo} leaves without an "
+                "answer it is told to start anew"
+            )
+            yield silent("started-when-missing", servo, told, what, 1.0)
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    silent_since_an_order,
+    start_takes_long,
+    started_when_missing,
+)
 """The rules of this file."""

@@ -11,7 +11,6 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.twins import late_answers
 from sniffer.diagnosis.ledger.damage import IN_REPLY
-from sniffer.diagnosis.ledger.kinds import KINDS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import MS, NEVER_NS, NS
@@ -42,11 +41,6 @@ FINDINGS: Final = (
         "torn-behind-unanswered",
         "Answers are torn right behind requests that had none: the one that comes late lies over the next.",
         "Ten torn answers and more, and three fifths of all, follow a request that was given up after one time, of two servos and more which mostly answer; and hardly two requests in a row have none. Or nine in ten of all torn places stand behind requests in vain to one servo that hardly ever answers in time.",
-    ),
-    FindingCode(
-        "retry-storm",
-        "A request that is not answered is said many times in a row, and the others wait.",
-        "Runs of the same request, byte for byte, without an answer between, of five and more, on a bus whose controller else asks in turn, and goes on to another request where that one is answered; and the share of the time that they take. Not where no answer at all is heard, nor before anything else is asked, as by a program that waits for power.",
     ),
     FindingCode(
         "absent-costs",
@@ -87,11 +81,6 @@ ALTERED: Final = 0.5
 OVERLAPS: Final = 3
 """Times that are no rounding."""
 
-STORM: Final = 4
-"""Repetitions that no usual client makes: libraries try three times at most."""
-
-ENDLESS: Final = 12
-"""One row of so many is a storm, however short it is in the whole."""
 
 PART: Final = 0.05
 """Part of the time that a storm takes, or of all requests that are repetitions."""
@@ -294,64 +283,6 @@ def _shortest(case: Case) -> dict[int, int]:
     return {k: bounds.low for k, bounds in least.items() if bounds is not None}
 
 
-def retry_storms(case: Case) -> Iterator[Finding]:
-    """Requests said again and again."""
-    exchanges = case.ledger.exchanges
-    # A program that waits for power at its start keeps nobody waiting: it has asked nothing else.
-    began = int(min(exchanges.kinds.at, default=0))
-    storms = [run for run in exchanges.all_runs if run.again >= STORM and run.at > began]
-    if not storms or case.count("adapter-echo") or not case.answering:
-        return  # where nobody is heard, nobody knows what was answered
-    repeated = _repeated(case)
-    storms = [run for run in storms if run.kind not in repeated]
-    if not storms:
-        return
-    kinds = exchanges.kinds
-    busiest = int(kinds.n.max(initial=0))
-    # A controller with one thing to ask repeats it anyway.
-    others = [k for k in range(len(kinds)) if kinds.n[k] * 20 >= busiest and kinds.n[k] >= STORM]
-    if len(others) < 2:
-        return
-    retried = exchanges.retried()
-    total = int(retried["n"].sum())
-    took = sum(run.until_ns - run.t_ns for run in storms)
-    seconds = max(case.last_ns - case.first_ns, 1)
-    share = took / seconds if case.has_clock else total / max(exchanges.count, 1)
-    longest = max(storms, key=lambda run: run.again)
-    if share < PART and len(storms) < 3 and longest.again < ENDLESS:
-        return
-    servos = sorted({run.servo_id for run in storms})
-    yield Finding(
-        "retry-storm",
-        servos[0] if len(servos) == 1 else None,
-        storms[0].t_ns,
-        storms[-1].until_ns,
-        len(storms),
-        f"{len(storms)} times the same request {STORM + 1} times in a row and more, at most "
-        f"{longest.again + 1} times (servo {longest.servo_id}), {share:.0%} of "
-        + ("the time" if case.has_clock else "all requests"),
-        tuple(
-            Place(run.at, run.length, run.t_ns, f"said {run.again + 1} times in a row")
-            for run in storms[:3]
-        ),
-        strength=min(0.7 + len(storms) / 10, 1.0),
-        brief=f"one request {longest.again + 1} times in a row",
-        values=(("share", share), ("retries", total)),
-    )
-
-
-def _repeated(case: Case) -> set[int]:
-    """Return the kinds of requests that are mostly made again although they are answered.
-
-    Who asks a joint whether it moves still, asks that again until it does not: those are no retries.
-    """
-    f = case.ledger.exchanges.followers()
-    all_n, same = np.zeros((2, KINDS + 1), np.int64)
-    np.add.at(all_n, f["kind"], f["n"])
-    np.add.at(same, f["kind"], f["n"] * (f["kind"] == f["next"]))
-    return set(np.flatnonzero((2 * same >= all_n) & (all_n >= KNOWN)).tolist())
-
-
 def absent_costs(case: Case) -> Iterator[Finding]:
     """What asking servos costs that never answer."""
     if not case.has_clock or not case.answering:
@@ -386,7 +317,6 @@ RULES: Final[tuple[Rule, ...]] = (
     gives_up,
     torn_behind,
     belated,
-    retry_storms,
     absent_costs,
 )
 """The rules of this area."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.efforts import effort
+from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.limits import Limit, limit_told
 from sniffer.diagnosis.evidence.passing import misread_senders
 from sniffer.diagnosis.model import Finding, Place
@@ -133,7 +134,8 @@ def steady(case: Case) -> Iterator[Finding]:
     for servo in case.measured_by("voltage"):
         v = case.series(servo, "voltage")
         spells = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
-        if v is None or not spells or len(v) < 2:
+        # a supply that is cut off was in order before
+        if v is None or not spells or len(v) < 2 or servo in gone_at_once(case):
             continue
         usual = float(np.quantile(v.mean, USUALLY))
         began = np.array([s.first_ns for s in spells], np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.evidence.twins import torn_answers
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.ledger.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.uart import FALLS
@@ -96,7 +96,9 @@ def held_low(case: Case) -> Iterator[Finding]:
     zeros = [d for d in case.damages if d.got and d.got[-1] == 0 and d.length <= len(d.got)]
     usual = case.ledger.exchanges.idle.at(0, 0.98)
     least = max(LONG_NS, LONGER * (usual.high if usual is not None else LONG_NS))
-    silent = [d for d in zeros if d.until_ns > least + case.latency_ns] if case.has_clock else []
+    # who rests already is kept from nothing: a supply that is switched on makes a pulse, too
+    least += case.latency_ns
+    silent = [d for d in zeros if d.until_ns > least >= d.since_ns] if case.has_clock else []
     idle, longer = sum(d.turn == IN_IDLE for d in silent), _in_vain(case)
     is_sure = all(d.turn == IN_IDLE or d.until_ns > longer for d in silent)
     if idle < len(silent) / 2 and not (is_sure and 2 * len(silent) >= _torn_of_nobody(case)):

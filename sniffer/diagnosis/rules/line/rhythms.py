@@ -11,7 +11,7 @@ from sniffer.diagnosis.evidence.chances import at_least, sureness
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.stamps import EXACT_NS
 from sniffer.diagnosis.evidence.twins import of_twins
-from sniffer.diagnosis.ledger.damage import IN_REPLY
+from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.rules.line.damaged import singled_out
 from sniffer.diagnosis.rules.line.streams import LEAST
 from sniffer.ground.model import MS
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.ledger.damage import Damage
     from sniffer.diagnosis.model import Finding
     from sniffer.diagnosis.rules import Rule
     from sniffer.ground.model import I64, Mask
@@ -29,8 +30,10 @@ FINDINGS: Final = (
         "rhythms-meet",
         "Two rhythms of the same period drift through each other, and frames are torn where they meet.",
         "Requests in two even rhythms whose periods differ by less than 3 %: one wanders through the "
-        "other's cycle at an even pace, three times as far as either one trembles. Torn frames stand where "
-        "both are due, far oftener than sound ones do, of which no more than half stand so.",
+        "other's cycle, at an even pace or now here and now there, three times as far as it trembles from one "
+        "period to the next. Torn frames stand where both are due, far oftener than sound ones do, of which "
+        "no more than half stand so. Where one servo, or two of one id, may have torn them, more requests than "
+        "the torn one are missing that were due.",
     ),
 )
 
@@ -47,7 +50,14 @@ ALIKE: Final = 0.03
 """By how much two periods may differ that are said to be the same."""
 
 STEADY: Final = 3.0
-"""How many times as far as it trembles a rhythm must wander: it goes at an even pace."""
+"""How many times as far as it trembles from one period to the next a rhythm must wander."""
+
+LATE: Final = 2.0
+"""By how many times what stamps may be late two rhythms may seem to wander: each by one."""
+
+JUMP: Final = 6.0
+"""How many times as far as in the middle one may wander from one period to the next: where a loop of
+its own waits for what is missing it jumps, and does not wander."""
 
 LEAST_WAY: Final = 0.01
 """Part of a period that is a way."""
@@ -118,11 +128,12 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     if best is None or len(best[1]) < TORN or best[0] > CHANCE:
         return
     chance, where, judged, sound, n, pair = best
-    if 2 * sum(of_twins(case, torn[k]) for k in where) > len(where):
-        return  # what two answers of one id tear stands where that id is asked
     alone = singled_out(case)
-    if 2 * sum(torn[k].turn == IN_REPLY and torn[k].servo_id in alone for k in where) > len(where):
-        return  # so does what one servo's own fault tears
+    of_one_id = sum(of_twins(case, torn[k]) for k in where)
+    of_one = sum(torn[k].turn == IN_REPLY and torn[k].servo_id in alone for k in where)
+    is_one = 2 * max(of_one_id, of_one) > len(where)
+    if is_one and 2 * _swallowed(case, [torn[k] for k in where]) < len(where):
+        return  # what a twin, or one servo's own fault, tears stands where that one is asked
     yield finding_of(
         [torn[k] for k in where],
         "rhythms-meet",
@@ -198,15 +209,19 @@ def _way(a: _Beat, b: _Beat, latency_ns: int) -> float | None:
     row = np.searchsorted(a.t, b.t, "right") - 1
     behind = b.t[row >= 0] - a.t[row[row >= 0]]
     near = behind < 1.5 * a.period
-    behind, when = behind[near], b.t[row >= 0][near]
+    behind = behind[near]
     if len(behind) < LEAST:
         return None
-    place = np.unwrap(behind / a.period, period=1.0)
-    since = (when - when[0]) / max(float(when[-1] - when[0]), 1.0)
-    way, begin = np.polyfit(since, place, 1)
-    trembles = float((place - begin - way * since).std()) + latency_ns / a.period
-    is_way = abs(way) > max(STEADY * trembles, LEAST_WAY)
-    return float(way) if is_way else None
+    steps = np.diff(np.unwrap(behind / a.period, period=1.0))
+    middle = float(np.median(steps))
+    jump = JUMP * float(np.median(np.abs(steps - middle)))
+    steps = np.clip(steps, middle - jump, middle + jump)
+    # what goes up and down from one to the next evens out over many; a way does not
+    place = np.convolve(np.cumsum(steps), np.full(MANY, 1 / MANY), "valid")
+    way = float(place.max() - place.min()) if len(place) else 0.0
+    trembles = float(steps.std()) / 2**0.5
+    least = max(STEADY * trembles, LATE * latency_ns / a.period, LEAST_WAY)
+    return way if way > least else None
 
 
 def _both_due(at: I64, pairs: Sequence[_Meeting], span: int) -> Mask:
@@ -224,6 +239,31 @@ def _both_near(at: I64, pairs: Sequence[_Meeting], span: int) -> Mask:
         apart = _off(at, a) - _off(at, b)
         out |= np.abs(apart - np.round(apart / a.period) * a.period) <= span
     return out
+
+
+def _swallowed(case: Case, torn: Sequence[Damage]) -> int:
+    """Return at how many torn places more requests are missing that were due than one that is torn.
+
+    A second answer tears one request, and a servo's own fault none; of two that run into each other
+    both are gone.
+    """
+    at = np.array([d.t_ns for d in torn], np.int64)
+    is_one = np.array([d.turn == IN_REQUEST for d in torn])
+    span, most = _exchange_ns(case), np.zeros(len(at), np.int64)
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        for a, b, _ in _pairs(_rhythms(t, kind), case.latency_ns):
+            missing = _is_missing(at, a, span).astype(np.int64) + _is_missing(at, b, span)
+            most = np.maximum(most, missing)
+    return int((most > is_one).sum())
+
+
+def _is_missing(at: I64, rhythm: _Beat, span: int) -> Mask:
+    """Tell at which moments a request of a rhythm is due that was not heard."""
+    near = np.searchsorted(
+        rhythm.t, at[:, None] + np.array([-span, span]) - _off(at, rhythm)[:, None]
+    )
+    missing: Mask = (np.abs(_off(at, rhythm)) <= span) & (near[:, 0] == near[:, 1])
+    return missing
 
 
 def _off(at: I64, rhythm: _Beat) -> I64:

@@ -13,6 +13,7 @@ from sniffer.diagnosis.rules.pairing import (
     silent,
     unanswered,
     unasked,
+    waking,
 )
 
 PARTS: Final = (
@@ -24,4 +25,5 @@ PARTS: Final = (
     silent,
     unanswered,
     unasked,
+    waking,
 )

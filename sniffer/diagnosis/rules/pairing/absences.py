@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.evidence.tracks import track
 from sniffer.ground.model import NS
@@ -46,6 +47,11 @@ FINDINGS: Final = (
         "all-away-at-once",
         "All servos go away in the same moments, and come back.",
         "Two servos or more answer, and each is away when all others are, in nine of ten of its silences of two requests and more.",
+    ),
+    FindingCode(
+        "several-away-at-once",
+        "Several servos fall silent at one moment, and each of them at no other.",
+        "Three servos and more, each away once for two requests and more; between the last request that it answered and the first one that it did not lies one moment, the same for all.",
     ),
     FindingCode(
         "torque-survives",
@@ -142,6 +148,20 @@ def _would_tear(case: Case, servo: int, runs: Sequence[Silence]) -> float:
     share = said_ns / max(case.seconds * NS, 1.0) if case.has_clock else FEW
     single = sum(run.missed == 1 for run in runs)
     return min(1.0 - math.exp(-len(runs) * share - single * WITHIN), 1.0)
+
+
+def several_at_once(case: Case) -> Iterator[Finding]:
+    """Tell which servos fell silent at one moment."""
+    gone = sorted(gone_at_once(case))
+    for servo in gone:
+        mine = case.ledger.silences.runs(servo)
+        others = (
+            f"all {len(gone)} servos"
+            if len(gone) == len(case.answering)
+            else f"{len(gone)} of {len(case.answering)} servos"
+        )
+        what = f"{others} fall silent at one moment, {case.since(mine[0].first_ns)}, and servo {servo} at no other"
+        yield silent("several-away-at-once", servo, mine, what, 1.0)
 
 
 def together(case: Case) -> Iterator[Finding]:
@@ -263,5 +283,5 @@ def _stated(case: Case, servo: int, first_ns: int, until_ns: int) -> int:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, for_long)
+RULES: Final[tuple[Rule, ...]] = (tears, several_at_once, together, torque_kept, for_long)
 """The rules of this file."""

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.intruders import torn_requests
 from sniffer.diagnosis.evidence.overdue import is_overdue
 from sniffer.diagnosis.evidence.overlying import lies_over
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.stamps import EXACT_NS
-from sniffer.diagnosis.evidence.twins import LEAST, PART, torn_answers, torn_by_twins, twins
+from sniffer.diagnosis.evidence.swallowing import swallowing
+from sniffer.diagnosis.evidence.twins import LEAST, PART, torn_by_twins, twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.misread import BITS_FEW, FRONT
@@ -241,7 +243,7 @@ def always_torn(case: Case) -> Iterator[Finding]:
         rest = sum(case.total("damaged", s) for s in others)
         if not others or rest > FEW * sum(case.total("ok", s) for s in others):
             continue
-        if len(torn_requests(case, torn)) > PLAIN * len(torn):
+        if servo in swallowing(case) or len(torn_requests(case, torn)) > PLAIN * len(torn):
             continue  # what stands there is no answer
         read = [m for m in case.misreads if m.servo_id == servo]
         plain = sum((m.shape == BITS_FEW and len(m.flips) == 1) or m.shape == FRONT for m in read)

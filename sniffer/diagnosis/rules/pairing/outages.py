@@ -224,18 +224,18 @@ def lengths(case: Case) -> Iterator[Finding]:
 def sooner_than_a_start(case: Case) -> Iterator[Finding]:
     """Find servos that are away for too short a time for a start.
 
-    It begins anywhere between two requests, and hides one alone only where it is over before the
-    next but one: what comes behind such a one tells how far requests to the servo are apart.
+    It begins anywhere behind the request before, and hides one alone only where it is over before
+    the next one.
     """
     for servo in case.answering if case.has_clock else ():
         runs = case.ledger.silences.runs(servo)
-        alone = [run.lasted_ns for run in runs if run.missed == 1]
-        gaps = np.array(alone, np.float64)
-        if len(runs) < RUNS or not len(gaps):
+        alone = [run for run in runs if run.missed == 1]
+        if len(runs) < RUNS or not alone:
             continue
-        before, behind = gaps[:, None], gaps[None, :]
-        left = np.clip(before + behind - START_NS, 0, before)
-        chance = at_least(len(gaps), len(runs), float(left.mean() / max(gaps.mean(), 1.0)))
+        gaps = np.array([run.lasted_ns for run in alone], np.float64)
+        before = np.array([max(run.first_ns - run.before_ns, 1) for run in alone], np.float64)
+        left = np.clip(before + gaps - START_NS, 0, before) / before
+        chance = at_least(len(gaps), len(runs), float(left.mean()))
         if chance > CHANCE:
             continue
         yield Finding(

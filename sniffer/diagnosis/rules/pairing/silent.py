@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
 from sniffer.diagnosis.evidence.questions import is_one_question
+from sniffer.diagnosis.evidence.told import told_to_start
 from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import bits_wrong
@@ -181,6 +182,7 @@ def silences(case: Case) -> Iterator[Finding]:
         for s in spells:
             if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
                 took = (case.last_ns - s.first_ns) / NS
+                ordered = told_to_start(case, servo, [s])
                 yield Finding(
                     "silent-since",
                     servo,
@@ -188,13 +190,14 @@ def silences(case: Case) -> Iterator[Finding]:
                     case.last_ns,
                     s.missed,
                     f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
-                    f"{s.missed} requests in {took:.3g} s",
+                    f"{s.missed} requests in {took:.3g} s"
+                    + ("; it was told to start anew just before" if ordered else ""),
                     (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
                     brief=f"servo {servo} silent to the end",
                 )
         away = _outages(case, servo)
         if away:
-            yield _away(servo, away)
+            yield _away(case, servo, away)
             if len(away) >= AGAIN and not _mostly_short(case, servo, away):
                 yield from _again(case, servo, away)
         if len(away) < AGAIN:
@@ -245,19 +248,22 @@ def _usual(case: Case, servo: int) -> float:
     return (case.total("missing") - missing) / max(case.total("asked") - asked, 1) * asked
 
 
-def _away(servo: int, away: Sequence[Silence]) -> Finding:
+def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
     longest = max(away, key=lambda s: s.lasted_ns)
     took_ms = longest.lasted_ns / 1e6
     told = f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s"
     often = "once" if len(away) == 1 else f"{len(away)} times"
     most = "" if len(away) == 1 else "at most "
+    ordered = len(told_to_start(case, servo, away))
+    times = "" if ordered == len(away) else f"{ordered} times "
     return Finding(
         "away-for-a-while",
         servo,
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {told} ({longest.missed} requests in a row)",
+        f"servo {servo} was away {often}, {most}for {told} ({longest.missed} requests in a row)"
+        + (f", {times}since it was told to start anew" if ordered else ""),
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
             for s in away[:3]
@@ -296,8 +302,8 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
     if not case.has_clock or len(runs) < OUTAGES:
         return
     # from its return on: while it is away it cannot leave again, however it does that
-    ends = [run.first_ns if run.back_ns is None else run.back_ns for run in runs]
-    apart = np.array([b.first_ns - end for end, b in zip(ends, runs[1:], strict=False)], np.float64)
+    ends = [_there_ns(case, servo, run, b.first_ns) for run, b in pairwise(runs)]
+    apart = np.array([b.first_ns - end for end, b in zip(ends, runs[1:], strict=True)], np.float64)
     spread = float(apart.std() / max(float(apart.mean()), 1e-9))
     # of a Poisson process it is 1; by chance less, the fewer there are
     even, uneven = EVEN - 1 / len(runs), UNEVEN
@@ -326,6 +332,13 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
         f"{spread:.0%}",
         strength=min(strength, 1.0),
     )
+
+
+def _there_ns(case: Case, servo: int, run: Silence, until_ns: int) -> int:
+    """Return since when a servo is there behind a silence, and behind starts that were ordered since."""
+    back_ns = run.first_ns if run.back_ns is None else run.back_ns
+    started = case.ledger.excused.started.get(servo, ())
+    return max((t for t in started if back_ns <= t <= until_ns), default=back_ns)
 
 
 def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:

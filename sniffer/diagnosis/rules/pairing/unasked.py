@@ -11,9 +11,10 @@ from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.acks import seldom_answered
 from sniffer.diagnosis.evidence.chances import at_least
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.signs import SIGN, beginnings, loses_most, sign_of, signed
-from sniffer.diagnosis.evidence.twins import torn_answers, torn_by_twins, twins
+from sniffer.diagnosis.evidence.twins import torn_by_twins, twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import RESPONSE

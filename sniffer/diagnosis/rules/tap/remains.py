@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.holding import held
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.placed import finding_of
 from sniffer.diagnosis.evidence.signs import BARE
-from sniffer.diagnosis.evidence.twins import of_twins, torn_answers
+from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.diagnosis.physics.comparing import alike, is_altered
 from sniffer.diagnosis.rules.tap.losses import only_at_the_turn

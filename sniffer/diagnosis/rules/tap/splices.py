@@ -14,9 +14,9 @@ from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.order import Order
 from sniffer.diagnosis.evidence.placed import finding_of
-from sniffer.diagnosis.evidence.twins import torn_answers
 from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY, IN_REQUEST, REST
 from sniffer.ground.codes import RESPONSE
 

@@ -24,6 +24,7 @@ from sniffer.diagnosis.evidence.cycles import (
     is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
+    motions,
     steps,
     turns,
     whole_cycles,
@@ -121,6 +122,9 @@ captures by chance, five once in seven hundred."""
 RESTS: Final = 0.3
 """Part of the time that a program stands by plan, as behind each step."""
 
+TAIL: Final = 4
+"""How many times as late as one cycle in twenty a pause is that no uneven loop has by chance."""
+
 FULL: Final = 0.85
 """Busy share of a full line: between two frames stands no more than what servos take to answer."""
 
@@ -192,7 +196,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
         f"(stamps good to {case.latency_ns / MS:g} ms)",
         strength=min(0.5 + spread / middle, 1.0),
         brief=f"cycles of {low / MS:.0f} to {high / MS:.0f} ms",
-        values=(("middle_ns", middle), ("spread_ns", spread)),
+        values=(("middle_ns", middle), ("spread_ns", spread), ("late_ns", high - middle)),
     )
 
 
@@ -214,18 +218,18 @@ def _failing(case: Case) -> int:
 def loop_stalls(case: Case) -> Iterator[Finding]:
     """A loop that stops for several cycles."""
     line = case.line
-    if not case.has_clock or not len(line["bucket"]):
-        return
     spoken = line["pause_max"][line["pause_max"] > 0]
-    if not len(spoken):
+    if not case.has_clock or not len(spoken):
         return
     usual = float(np.median(spoken))
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
+    for uneven in loop_jitters(case):  # its longest cycles are what it is uneven by
+        least = max(least, usual + TAIL * uneven.value("late_ns"))
     if usual > SLOWEST_NS or is_by_hand(case):
         return
     rests = case.ledger.exchanges.pauses
     longer = [p for p in rests if p.sure_ns >= LONGER * usual]
-    planned = steps(case, longer) | turns(case, longer)
+    planned = steps(case, longer) | turns(case, longer) | motions(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
     stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
     stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]

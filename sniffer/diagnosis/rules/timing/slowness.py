@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.ledger.events import Happenings
     from sniffer.diagnosis.ledger.histograms import Histograms
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 LESS_DELAY: Final = "It does as it is told: write it a smaller return delay, if it is to answer as soon as the others."
 
@@ -291,7 +292,9 @@ def _settings(case: Case, servo: int) -> list[tuple[int, int]]:
 
 def late_replies(case: Case) -> Iterator[Finding]:
     """Servos whose answers come behind their window."""
-    late = {s: case.count("late-response", servo_id=s) for s in case.servos}
+    late = {
+        s: case.count("late-response", servo_id=s) - len(_to_memory(case, s)) for s in case.servos
+    }
     said = case.once(seldom_answered)
     late = {s: n for s, n in late.items() if s not in said or said[s].n < n}
     for servo, n in late.items():
@@ -299,9 +302,12 @@ def late_replies(case: Case) -> Iterator[Finding]:
         answered = max(case.total("ok", servo), n)  # one may come too late to count as an answer
         theirs = (1 + others) / (1 + max(case.total("ok") - answered, others))
         is_more = n >= OFTENER * theirs * answered and at_least(n, answered, theirs) < CHANCE
-        if n < AGAIN or not (is_more or len(case.answering) < 2):
+        # beside nobody it must be a habit: hosts and bridges are late with any answer now and then
+        alone = len(case.answering) < 2 and n >= SHARE * answered
+        if n < AGAIN or not (is_more or alone):
             continue
         told = case.anomalies("late-response", servo_id=servo)
+        told = told.take(~np.isin(told.at, _to_memory(case, servo)))
         beside = f"of all others {others}" if len(case.answering) > 1 else "and no other answers"
         yield Finding(
             "late-replies",
@@ -314,6 +320,15 @@ def late_replies(case: Case) -> Iterator[Finding]:
             strength=min(0.5 + n / 20, 1.0),
             brief=f"servo {servo} answers late",
         )
+
+
+def _to_memory(case: Case, servo: int) -> I64:
+    """Return where a servo was told what it writes to its memory, and said so late: that takes time."""
+    told = case.settings(servo_id=servo)
+    kept = [not case.protocol.registers[what].volatile for what in told.what.tolist()]
+    writes = told.at[np.array(kept, bool) & (told.written > 0)]
+    late: I64 = case.anomalies("late-response", servo_id=servo).at
+    return late[np.isin(late, writes)]
 
 
 RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay, late_replies)

@@ -1,0 +1,83 @@
+"""Servos that fall silent at one moment: what they share went away, whatever is asked meanwhile."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.conversations import Conversation, swinging
+from tests.diagnosed import alarms, codes, found, verdicts
+
+SERVOS = tuple(range(1, 9))
+
+
+def looped(talk: Conversation, seconds: float, gone: tuple[int, ...] = ()) -> None:
+    until = talk.now_s + seconds
+    while talk.now_s < until:
+        for servo in SERVOS:
+            if servo in gone:
+                talk.ask_in_vain(servo)
+            else:
+                talk.read(servo, swinging(servo, talk.now_s))
+        talk.rest(20)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+def test_a_power_switch_is_no_storm_of_the_one_that_is_asked_whether_they_are_back(
+    protocol: str,
+) -> None:
+    talk = Conversation(protocol)
+    looped(talk, 8)
+    for _ in range(3):
+        for servo in SERVOS:
+            talk.ask_in_vain(servo)
+    for _ in range(9):
+        talk.ask_in_vain(1, 1000)
+    looped(talk, 8)
+    told = talk.diagnosed()
+    assert verdicts(told.incidents()) == [("brownout", SERVOS)]
+    assert "retry-storm" not in codes(told)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss"])
+def test_some_servos_that_go_at_one_moment_share_a_supply_and_one_of_them_restarts_no_more(
+    protocol: str,
+) -> None:
+    talk = Conversation(protocol)
+    looped(talk, 6)
+    looped(talk, 0.4, SERVOS[3:])
+    looped(talk, 6)
+    told = talk.diagnosed()
+    gone = [f for f in found(told) if f.code == "several-away-at-once"]
+    assert [f.servo_id for f in gone] == list(SERVOS[3:])
+    assert "5 of 8 servos fall silent at one moment" in gone[0].what
+    assert "servo-reset-loop" not in {cause for cause, _ in verdicts(told.incidents())}
+
+
+def test_two_that_go_at_one_moment_may_do_so_by_chance() -> None:
+    talk = Conversation("mightyzap")
+    looped(talk, 6)
+    looped(talk, 0.4, SERVOS[:2])
+    looped(talk, 6)
+    assert "several-away-at-once" not in codes(talk.diagnosed())
+
+
+def test_a_program_that_waits_behind_a_goal_that_is_far_away_waits_for_its_joint() -> None:
+    """Each joint is sent to its stop in small steps, then far away and back, with a look behind."""
+    talk = Conversation("lss")
+    for servo in SERVOS[:6]:
+        for k in range(40):
+            place = 0.5 - k / 100
+            talk.send(servo, place)
+            talk.rest(25)
+            talk.read(servo, place)
+            talk.rest(5)
+        for place, wait_ms in ((0.2, 500), (0.5, 600)):
+            talk.send(servo, place)
+            talk.rest(wait_ms)
+            talk.read(servo, place)
+    for _ in range(200):
+        for servo in SERVOS[:6]:
+            talk.send(servo, swinging(servo, talk.now_s))
+            talk.read(servo, swinging(servo, talk.now_s))
+        talk.rest(20)
+    assert not alarms(talk.diagnosed())
