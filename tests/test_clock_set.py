@@ -93,6 +93,38 @@ def test_rows_a_step_apart_go_on_where_the_clock_was_set(
     assert abs(rows[0] - rows[1]) <= 1
 
 
+@pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])
+def test_slices_periods_and_pieces_go_on_where_the_clock_was_set(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: Capsys
+) -> None:
+    """A period was an hour or 56 years, slices were none or too many, a capture was one piece."""
+    capture: Path = request.getfixturevalue(which)
+    slices, sent, sizes = [], [], []
+    for path in (CAPTURE, capture):
+        out = within(capsys, "stats", path, "--every", "2s", "--format", "json").out
+        (bus,) = json.loads(out)["buses"]
+        slices.append(bus["slices"]["bytes"])
+        sent.append(
+            {
+                (c["servo_id"], c["op"]): c["period_ns"]["max"]
+                for c in bus["commands"]
+                if c["op"] == "load_data" and c["period_ns"]
+            }
+        )
+        folder = tmp_path / path.stem
+        folder.mkdir()
+        assert within(capsys, "cut", path, "--split", "2s", "-o", folder / "x.log").status == 0
+        pieces = [sniffer.decode(piece) for piece in sorted(folder.iterdir())]
+        sizes.append([piece.summary.buses["bus0"].bytes for piece in pieces])
+    assert sum(slices[1]) == sum(slices[0]) == sum(sizes[1]) == sum(sizes[0])
+    assert len(sent[0]) == 3
+    for command, longest in sent[0].items():
+        assert sent[1][command] == pytest.approx(longest, rel=0.05)
+    assert sizes[1][:3] == pytest.approx(sizes[0][:3], rel=0.05)
+    begun = slices[1][0] + slices[1][1]
+    assert which == "told_the_time" or begun == slices[0][0] + slices[0][1]
+
+
 def test_stamps_that_overlap_are_no_clock_that_was_set_back() -> None:
     times = np.array([0, SET_BACK_NS, 1, 2, -SET_BACK_NS + 2, -SET_BACK_NS + 1], np.int64)
     assert was_set(times, SET_BACK_NS).tolist() == []

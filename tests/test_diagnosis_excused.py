@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 
 import pytest
 
@@ -12,6 +13,8 @@ from tests.streams import mightyzap, rs30x
 
 ID_AT, SHORT_LIMIT_AT = 0x03, 0x06
 """Addresses of mightyZAP."""
+
+SILENT = {"silent-since", "away-for-a-while", "away-again-and-again"}
 
 
 def restart(protocol: str, servo: int) -> bytes:
@@ -248,3 +251,20 @@ def test_of_ids_that_are_given_away_and_back_the_last_order_counts() -> None:
         talk.ask_in_vain(4)
     told = [f for f in found(talk.diagnosed()) if f.code == "old-id-asked"]
     assert [(f.servo_id, f.count) for f in told] == [(4, 6)]
+
+
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_without_a_clock_a_silence_is_told_in_requests(comes_back: bool) -> None:
+    def away(talk: Conversation, cycle: int, servo: int) -> bool:
+        is_away = cycle % 60 >= 50 if comes_back else cycle >= 200
+        if servo == 2 and is_away:
+            talk.ask_in_vain(servo, 5)
+        return servo == 2 and is_away
+
+    talk = robot("lss", 10, instead=away)
+    for chunks, is_timed in ((talk.chunks, True), (without_clock(talk.chunks), False)):
+        told = [f for f in found(talk.diagnosed(chunks)) if f.code in SILENT]
+        assert told
+        said = " ".join(f"{f.what}. {f.brief}." for f in told)
+        assert "requests" in said
+        assert bool(re.search(r"(for|in) [\d.]+ m?s\b", said)) == is_timed

@@ -43,6 +43,17 @@ def test_who_speaks_in_the_rest_of_a_cycle_is_no_second_servo_of_whoever_was_ask
     assert verdicts(late.incidents()) == [("chatty-device", (3,))]
 
 
+def test_who_speaks_in_step_with_the_controller_is_no_second_servo() -> None:
+    def say(talk: Conversation, cycle: int) -> None:
+        if cycle % 12 == 0:  # a heartbeat of a multiple of the controller's period
+            talk.rest(14)
+            talk.say(talk.tongue.answer(3, swinging(3, talk.now_s)))
+
+    d = robot("lss", 15, behind=say).diagnosed()
+    assert "behind-its-own-alone" not in codes(d)
+    assert verdicts(d.incidents()) == [("chatty-device", (3,))]
+
+
 @pytest.mark.parametrize("servo", [2, 3])
 def test_bare_words_that_go_with_another_servo_are_no_second_answers(servo: int) -> None:
     d = suffering("wck", f"chatty:{servo}:8%", 6.0)  # it speaks before it is asked the next time

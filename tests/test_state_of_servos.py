@@ -123,3 +123,23 @@ def test_a_capture_in_the_place_of_a_model_is_told_which_command_reads_it(capsys
     ran = within(capsys, "registers", CLEAN)
     assert (ran.status, ran.out) == (2, "")
     assert ran.complaint.endswith("`sniffer state` tells what registers held in a capture")
+
+
+def test_a_register_with_a_long_name_leaves_room_for_what_it_held(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose it was, and what it held first and last, were left out at 80 columns."""
+    table = tmp_path / "long.toml"
+    known = schema_path("registers/mightyzap-l12.toml").read_text(encoding="utf-8")
+    known = known.replace('model = "mightyzap-l12"', 'model = "long"', 1)
+    long = "present_voltage_of_the_supply_as_the_servo_itself_measures_it"
+    table.write_text(known.replace('name = "present_voltage"', f'name = "{long}"'))
+    monkeypatch.setenv("COLUMNS", "80")
+    asked = ("--registers", table, "--model", "long")
+    out = within(capsys, "state", CLEAN, *asked).out
+    measured = out.partition(" measured")[2].splitlines()
+    assert measured[1].split()[:4] == ["register", "servos", "first", "last"]
+    assert any("12.1 V" in line for line in measured)
+    assert max(map(len, measured)) <= 80
+    folded = [line[1:22].strip() for line in measured if line.startswith(" ")]
+    assert long in "".join(folded)

@@ -211,10 +211,12 @@ class CaptureRules(Remembering):
     """What the capture itself shows: clocks that step back, taps that are swapped."""
 
     LASTING = ("_echo_told", "_wires")
-    PASSING = ("_last",)
+    PASSING = ("_last", "_spread")
 
     def __init__(self) -> None:
         self._last: int | None = None
+        self._spread = 0
+        """How much sooner the last frame may have been over."""
         self._echo_told = False
         self._wires = np.zeros(len(Direction), bool)
 
@@ -248,19 +250,22 @@ class CaptureRules(Remembering):
         if batch.clock == Clock.READ:
             return  # the recorder's own clock never steps; a read that came late looks like it
         if batch.clock == Clock.NONE:
-            self._last = int(f.t_end[-1])
+            self._last, self._spread = int(f.t_end[-1]), 0
             return  # counted from the bytes
         rows = np.flatnonzero(f.uncertainty >= 0)
         if not len(rows):
             return  # nominal times say nothing of the clock
         t_end = f.t_end[rows]
         step = np.diff(t_end, prepend=t_end[0] if self._last is None else self._last)
-        back = np.flatnonzero(step < -f.uncertainty[rows] - 1_000_000)
+        # Either may have been over sooner: what was stamped before it was sent, by all it takes.
+        spread = f.uncertainty[rows]
+        spread = np.maximum(spread, np.concatenate([[self._spread], spread[:-1]]))
+        back = np.flatnonzero(step < -spread - 1_000_000)
         for i, by in zip(rows[back].tolist(), (-step[back]).tolist(), strict=True):
             at = (batch.base + int(f.start[i]), int(f.length[i]))
             text = f"time steps back by {by / 1e6:.1f} ms"
             yield anomaly("clock-step", int(f.t_end[i]), -1, text, at)
-        self._last = int(t_end[-1])
+        self._last, self._spread = int(t_end[-1]), int(f.uncertainty[rows[-1]])
 
     def _echoes(self, batch: Batch) -> Iterator[Anomaly]:
         """Report once that the requests of this bus are echoed."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -13,6 +14,7 @@ from sniffer.cli.options import (
     examples,
     with_files,
     with_force,
+    with_format,
     with_quiet,
     with_together,
 )
@@ -30,7 +32,7 @@ from sniffer.jobs.check import check as hold
 from sniffer.jobs.outputs import check_outputs
 from sniffer.jobs.session import Ending
 from sniffer.jobs.telling import Teller
-from sniffer.reports.judging import tally
+from sniffer.reports.judging import Decision, tally
 from sniffer.reports.junit import Suite, junit
 from sniffer.reports.rules import example, read_rules
 from sniffer.selection.places import Window
@@ -53,6 +55,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
         "sniffer check --example > rules.toml",
         "sniffer check run.mcap --rules rules.toml",
         "sniffer check captures/*.log --rules rules.toml --junit verdicts.xml",
+        "sniffer check run.mcap --rules rules.toml --format jsonl | jq 'select(.holds == false)'",
     ),
 )
 @with_files
@@ -75,6 +78,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
     help="Also write the verdicts as JUnit XML.",
 )
 @with_force
+@with_format("text", "jsonl")
 @click.option(
     "--example",
     is_flag=True,
@@ -91,6 +95,7 @@ def check(
     input_format: str,
     junit_file: Path | None,
     force: bool,
+    output_format: str,
     together: bool,
     window: Window | None,
     tell: Teller,
@@ -124,12 +129,17 @@ def check(
                 )
         except InputError as error:
             say(worded(error))
+            if output_format == "jsonl":
+                _print_line({"type": "error", "source": name, "detail": worded(error)})
             suites.append(Suite(name, (), worded(error)))
             status = max(status, MISTAKE)
             continue
         ended = status_of(done.ending)
         suites.append(Suite(name, done.verdicts, _why(done)))
-        _print(name, done)
+        if output_format == "jsonl":
+            _print_lines(name, done)
+        else:
+            _print(name, done)
         status = max(status, ended, DONE if done.holds else BROKEN)
         if ended == INTERRUPTED:
             break
@@ -144,6 +154,22 @@ def _why(done: Checked) -> str:
     if done.ending == Ending.MISTAKEN:
         return "nothing of it can be read by the protocol that was named"
     return "" if done.ending == Ending.DONE else done.damage
+
+
+def _print_lines(name: str, done: Checked) -> None:
+    """Print a capture's verdicts for programs, and what they come to."""
+    for judged in done.verdicts:
+        told = judged.as_dict()
+        _print_line({"type": told.pop("type"), "source": name, **told})
+    counts = {v.name.lower(): sum(j.verdict == v for j in done.verdicts) for v in Decision}
+    broken = _why(done) or None
+    _print_line(
+        {"type": "summary", "source": name, "holds": done.holds, **counts, "broken_off": broken}
+    )
+
+
+def _print_line(told: dict[str, Any]) -> None:
+    click.echo(json.dumps(told, ensure_ascii=False))
 
 
 def _print(name: str, done: Checked) -> None:

@@ -8,7 +8,7 @@ records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from sniffer.decoding.spans import Span
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.gaps import Gaps
+from sniffer.ground.heard import SteadyTime
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -214,6 +215,7 @@ class Splitter(Slicer):
         self._base_ns: int | None = None
         self._cuts: dict[str, dict[int, Span | None]] = {}
         self._open: dict[str, dict[int, _PartOfBus]] = {}
+        self._steady: dict[str, SteadyTime] = {}
 
     def ends_of(self, number: int) -> tuple[int, int]:
         """Return from when to when a piece goes, but that no exchange is torn."""
@@ -240,10 +242,12 @@ class Splitter(Slicer):
     def _add(self, bus: str, records: _Records) -> None:
         super()._add(bus, records)
         if self._base_ns is None:
-            first = int(records.t_start.min())
+            first = int(records.t_start[0])
             self._base_ns = first if self.from_ns is None else self.from_ns
         cuts, pending = self._cuts.setdefault(bus, {}), self._open.setdefault(bus, {})
-        t_ns = np.maximum(records.t_end - self._base_ns, 0)
+        steady = self._steady.setdefault(bus, SteadyTime()).of(records.t_end)
+        records = replace(records, t_end=steady)
+        t_ns = np.maximum(steady - self._base_ns, 0)
         for number in np.unique(t_ns // self._every_ns).tolist():
             if number not in cuts:
                 pending.setdefault(number, _PartOfBus())

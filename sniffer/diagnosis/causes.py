@@ -441,6 +441,18 @@ _CAUSES: Final = (
         "Look at what the controller did in the cycle before.",
     ),
     Cause(
+        "limit-misplaced",
+        CONTROLLER,
+        WARN,
+        -2.0,
+        "a limit is set where the servo already is",
+        "A limit of supply or temperature was written on the other side of what the servo measures: it complains since, and nothing else changed.",
+        "The write of the limit, then at once the alarm of it; the value stays what it was.",
+        "A supply that breaks down, a servo too hot.",
+        "Write the limit back to what it was, and look at what wrote it; where it is meant, mend what the servo complains of.",
+        "Write the old limit: the alarm is gone with the next answer.",
+    ),
+    Cause(
         "read-only-write",
         CONTROLLER,
         WARN,

@@ -35,6 +35,31 @@ def was_set(t_ns: I64, before_ns: int) -> I64:
     return np.flatnonzero(is_set(t_ns, np.concatenate([[before_ns], t_ns[:-1]])))
 
 
+def set_back(t_ns: I64, before_ns: int) -> I64:
+    """Return by how much the clock was set back before each row, 0 where it was not."""
+    before = np.concatenate([[before_ns], t_ns[:-1]])
+    out: I64 = np.where(is_set(t_ns, before), before - t_ns, 0)
+    return out
+
+
+class SteadyTime:
+    """Times of a stream as though its clock had never been set: none passed where it was."""
+
+    def __init__(self) -> None:
+        self._last_ns: int | None = None
+        self._set_ns = 0
+
+    def of(self, t_ns: I64) -> I64:
+        """Return times that follow in the stream, moved by what the clock was set before them."""
+        if not len(t_ns):
+            return t_ns
+        before = int(t_ns[0]) if self._last_ns is None else self._last_ns
+        moved = self._set_ns + np.cumsum(set_back(t_ns, before))
+        self._last_ns, self._set_ns = int(t_ns[-1]), int(moved[-1])
+        out: I64 = t_ns + moved
+        return out
+
+
 @dataclass(slots=True)
 class HeardSpan:
     """The times of the first and the last frame, in the order of the stream, and how long it was.
@@ -68,9 +93,7 @@ class HeardSpan:
             begun = int(frames.t_start[0])
             self.first_ns = begun if self.first_ns is None else min(begun, self.first_ns)
         last = self._lasts.get(protocol, int(ends[0]))
-        for row in was_set(ends, last).tolist():
-            before = int(ends[row - 1]) if row else last
-            self._set[protocol] += before - int(ends[row])
+        self._set[protocol] += int(set_back(ends, last).sum())
         self._lasts[protocol] = int(ends[-1])
 
     def join(self, more: HeardSpan) -> None:

@@ -13,7 +13,7 @@ import operator
 from collections import Counter
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.durations import FIGURES
@@ -49,11 +49,15 @@ class Decision(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A rule with what came of it; ``figure`` is the sentence with the number that decided."""
+    """A rule with what came of it; ``figure`` is the sentence with the number that decided.
+
+    ``decided`` is that number, within bounds; None: nothing of it was heard.
+    """
 
     rule: r.Rule
     verdict: Decision
     figure: str
+    decided: Figure | None = None
 
     @property
     def holds(self) -> bool:
@@ -66,6 +70,23 @@ class Judged:
         """The verdict in a word; what breaks the check is written large."""
         word = self.verdict.name
         return word.lower() if self.holds else word
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as a line of ``schemas/check.schema.json`` has it."""
+        number = self.decided
+        servo = -1 if number is None else number.servo
+        return {
+            "type": "rule",
+            "rule": self.rule.name,
+            "what": self.rule.what,
+            "verdict": self.verdict.name.lower(),
+            "holds": self.holds,
+            "bounds": dict(self.rule.bounds),
+            "low": None if number is None else number.low,
+            "high": None if number is None else number.high,
+            "servo_id": servo if servo >= 0 else None,
+            "figure": self.figure,
+        }
 
 
 def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
@@ -86,7 +107,7 @@ def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
             verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
         if verdict == Decision.FAILED and _is_too_little(rule, worst):
             told += _of_a_part(heard)
-        out.append(Judged(rule, verdict, told))
+        out.append(Judged(rule, verdict, told, worst))
     return out
 
 

@@ -32,7 +32,8 @@ class ServoCell(NamedTuple):
 class Tabulated:
     """Rows under headings: what is a word stands left and is folded, numbers stand right.
 
-    ``whole`` are columns of words that are not folded: what is looked for by its name.
+    ``whole`` are columns of words that are not folded, unless they take more than half of the
+    width: what is looked for by its name.
     """
 
     def __init__(self, *columns: str, left: Iterable[str] = (), whole: Iterable[str] = ()) -> None:
@@ -69,6 +70,10 @@ class Tabulated:
         if name in self._left - self._whole:
             texts = [word for text in texts for word in text.split(" ")]
         return max(map(len, texts))
+
+    def _is_crowding(self, cells: Sequence[Text | str | ServoCell], width: int) -> bool:
+        """Tell whether a column that is not folded would leave no room for others."""
+        return max((len(str(cell)) for cell in cells), default=0) > width // 2
 
     def table(self, most: int | None, width: int) -> Table | Text:
         """Return the first rows; where these have no room for names of servos they have ids."""
@@ -122,6 +127,8 @@ class Tabulated:
             if column in self._left - self._whole:  # no word is broken where all have room
                 least = self._least(column, [row[k] for row in rows]) if is_roomy else None
                 out.add_column(column, overflow="fold", min_width=least)
+            elif column in self._whole and self._is_crowding([r[k] for r in rows], width):
+                out.add_column(column, overflow="fold", max_width=width // 2)
             elif column in self._whole or column in named:
                 out.add_column(column, no_wrap=True)
             else:

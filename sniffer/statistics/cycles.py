@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.diagnosis.ledger.keys import pair_key
+from sniffer.ground.heard import SteadyTime
 
 if TYPE_CHECKING:
     from collections.abc import Container
@@ -87,6 +88,7 @@ class Cycles:
         self._cycles: dict[tuple[int, ...], _Cycle] = {}
         self._others: dict[int, Periods] = {}
         self._loops = 0
+        self._steady = SteadyTime()
 
     def follow(self, batch: Batch, rows: I64, kept: Container[int]) -> None:
         """Go on with some requests of a batch; periods are kept of ``kept`` commands of servos."""
@@ -105,7 +107,7 @@ class Cycles:
         columns = [column[order] for column in names]
         new = np.any([c[1:] != c[:-1] for c in columns], axis=0)
         begins = np.flatnonzero(np.concatenate([[True], new]))
-        t, u = f.t_start[rows][order], f.uncertainty[rows][order]
+        t, u = self._steady.of(f.t_start[rows])[order], f.uncertainty[rows][order]
         start = f.start[rows][order]
         ends = np.append(begins[1:], len(order))
         for k in np.argsort(order[begins]).tolist():

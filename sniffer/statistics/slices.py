@@ -12,6 +12,7 @@ from sniffer.decoding.durations import BINS, Bounds, bins_of, edge_of
 from sniffer.diagnosis.ledger.buckets import Buckets
 from sniffer.ground.codes import NO_RESPONSE, OK, REQUEST
 from sniffer.ground.gaps import Gaps
+from sniffer.ground.heard import SteadyTime
 from sniffer.ground.model import InputError, Severity
 
 if TYPE_CHECKING:
@@ -50,27 +51,44 @@ class SliceBook:
     """Counts what is said on a bus, slice by slice.
 
     Slices begin at multiples of their width (by the second: with the seconds of the clock), so
-    they do not depend on where a stream begins, and are the same for all buses.
+    they do not depend on where a stream begins, and are the same for all buses. Where the clock
+    was set, they go on as though it had not been.
     """
 
     def __init__(self, width_ns: int) -> None:
         self.width_ns = width_ns
         self._rows = Buckets(dict.fromkeys(COUNTED, "sum"))
         self._replies = ReplyBook()
+        self._steady = SteadyTime()
 
     def add(self, batch: Batch, mine: Batch) -> None:
         """Count in what is selected of a batch, ``mine``; the time is that of all of it."""
         f, gaps, t = mine.frames, Gaps.of(mine.gaps), mine.transactions
-        self._count(batch.frames.t_end)
-        self._count(f.t_end, bytes=f.length.astype(np.int64), frames=1)
-        self._count(f.t_end[f.kind == REQUEST], requests=1)
-        self._count(gaps.t_ns, bytes=gaps.length)
-        self._count(mine.asked(t.request[t.outcome == NO_RESPONSE]).t_end, missing=1)
+        every = Gaps.of(batch.gaps)
+        starts = np.concatenate([batch.frames.start, every.start])
+        order = np.argsort(starts, kind="stable")
+        starts = starts[order]
+        told = np.concatenate([batch.frames.t_end, every.t_ns])[order]
+        moved = self._steady.of(told) - told
+
+        def steady(t_ns: I64, start: I64) -> I64:
+            row = np.searchsorted(starts, start, "right") - 1
+            return t_ns + moved[np.maximum(row, 0)] if len(moved) else t_ns
+
+        ended = steady(f.t_end, f.start)
+        self._count(steady(batch.frames.t_end, batch.frames.start))
+        self._count(ended, bytes=f.length.astype(np.int64), frames=1)
+        self._count(ended[f.kind == REQUEST], requests=1)
+        self._count(steady(gaps.t_ns, gaps.start), bytes=gaps.length)
+        lost = mine.asked(t.request[t.outcome == NO_RESPONSE])
+        self._count(steady(lost.t_end, lost.start), missing=1)
         found = Anomalies.of(mine.anomalies)
         for name, level in (("errors", Severity.ERROR), ("warnings", Severity.WARN)):
-            self._count(found.t_ns[_SEVERITY[found.code] == level], **{name: 1})
+            rows = _SEVERITY[found.code] == level
+            at = found.known_at[rows] - batch.base
+            self._count(steady(found.t_ns[rows], at), **{name: 1})
         known = (t.outcome == OK) & (t.response_time_ns >= 0)
-        ends = f.t_end[t.response[known]]
+        ends = ended[t.response[known]]
         self._replies.add(ends // self.width_ns, t.response_time_ns[known], t.uncertainty_ns[known])
 
     def slices(self) -> EverySlice:

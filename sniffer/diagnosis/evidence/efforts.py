@@ -30,6 +30,10 @@ TIMES: Final = 3.0
 """A current so many times the least on the bus is more than that of electronics alone."""
 
 
+STOPS: Final = 0.9
+"""Part of the effort at which it is told to stop that a servo has when it does."""
+
+
 class Effort:
     """Load or current of one servo, as parts of what it can or against what its peers have."""
 
@@ -102,3 +106,18 @@ def effort(case: Case, servo_id: int) -> Effort | None:
         if series is not None and (series.unit == "mA" or _greatest(series)):
             return Effort(case, series)
     return None
+
+
+def stops_as_told(case: Case, servo: int, motor: Effort, first_ns: int, last_ns: int) -> bool:
+    """Tell whether a servo stands with the effort at which it was told to stop, with its goals.
+
+    A command has that as a modifier, in the unit of the effort: a gripper closes until it holds.
+    """
+    registers, w = case.protocol.registers, case.writes
+    unit = motor.series.unit
+    stops = [i for i, r in enumerate(registers) if r.kind == "modifier" and unit and r.unit == unit]
+    told = (w["servo_id"] == servo) & np.isin(w["register"], stops) & (w["t_first"] <= first_ns)
+    rows = np.flatnonzero(told).tolist()
+    limits = [int(w["low"][k]) * abs(registers[int(w["register"][k])].scale) for k in rows]
+    _, peaks = motor.between(first_ns, last_ns)
+    return any(peaks >= STOPS * limit for limit in limits)

@@ -26,7 +26,7 @@ from sniffer.diagnosis.ledger.lowest import Lowest
 from sniffer.diagnosis.ledger.optional import OptionalAnswers, UnansweredReads
 from sniffer.diagnosis.ledger.orders import Orders
 from sniffer.diagnosis.ledger.refusals import Refusals
-from sniffer.diagnosis.ledger.returns import Returns
+from sniffer.diagnosis.ledger.returns import GoalsBack, Returns
 from sniffer.diagnosis.ledger.seconds import SecondAnswers
 from sniffer.diagnosis.ledger.settings import Settings, kept_addresses
 from sniffer.diagnosis.ledger.silences import Silences
@@ -119,7 +119,7 @@ class Ledger:
         self.optional = OptionalAnswers()
         self.unanswered_reads = UnansweredReads()
         self.steps = Steps(protocol)
-        self.returns = Returns(protocol)
+        self.returns, self.goals_back = Returns(protocol), GoalsBack(protocol)
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
         self.unclaimed = Unclaimed()
@@ -331,6 +331,7 @@ class Ledger:
             self.returns.add(
                 who, milli, t_ns, at, lambda k: batch.data[f.start[rows[k]] : f.end[rows[k]]]
             )
+        self.goals_back.take(who, milli, t_ns, at)
         self.lowest.add(register, v.servo_id[mine].astype(np.int64), milli, t_ns, at)
         self.values.add(
             t_ns,

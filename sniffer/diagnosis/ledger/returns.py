@@ -1,7 +1,11 @@
-"""Positions that are far away with one answer and back with the next, faster than any joint moves.
+"""Values that are far away once and back with the next: positions that no joint reaches, and goals.
 
 Who is there and back within a moment was not there: something else said so. Only bare answers are
-followed: what spoils one that has a checksum does not pass for a value.
+followed: what spoils one that has a checksum does not pass for a value. A goal that is back where
+the one before it was, sooner than a joint could go there, was stated by somebody else::
+
+    one program    2047        2047        2047
+    another one          1630        1655        1681
 """
 
 from __future__ import annotations
@@ -15,11 +19,12 @@ from sniffer.diagnosis.ledger.buckets import in_groups
 from sniffer.diagnosis.ledger.steps import SPEED
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
+from sniffer.ground.register import unseen_scale
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from sniffer.ground.model import F64, I64
+    from sniffer.ground.model import F64, I64, Mask
     from sniffer.protocols.base import BusProtocol
 
 LATE_NS: Final = 20_000_000
@@ -27,6 +32,17 @@ LATE_NS: Final = 20_000_000
 
 TURN: Final = 0.8
 """A step of more than this part of the register's range is a turn that begins anew."""
+
+FAR: Final = 0.01
+"""Part of its range by which a goal is far from another, or of the way of the fastest servo in a
+second, where that is less or no range is known: less is noise of what a program reckons with, or a
+tremor that is meant to overcome friction."""
+
+BACK: Final = 0.125
+"""Part of the way there by which a program may have gone on when it states its next goal."""
+
+SOON_NS: Final = 120_000_000
+"""Time in which a joint is nowhere near such a goal and back."""
 
 KEPT: Final = 48
 """Of each servo and register the first so many are kept, with their frames; ``Steps`` keeps the
@@ -74,13 +90,13 @@ class _Met(NamedTuple):
 class Returns:
     """Follows the positions of all servos, register by register."""
 
-    def __init__(self, protocol: BusProtocol) -> None:
+    def __init__(self, protocol: BusProtocol, quantity: str = "position") -> None:
         registers = protocol.registers
         self._count = len(registers)
-        speeds = [SPEED.get(r.unit, 0.0) if r.quantity == "position" else 0.0 for r in registers]
-        spans = [np.ptp(r.range) * abs(r.scale) if r.range else np.inf for r in registers]
+        speeds = [SPEED.get(r.unit, 0.0) if r.quantity == quantity else 0.0 for r in registers]
+        spans = [np.ptp(r.range) * abs(unseen_scale(r)) if r.range else np.inf for r in registers]
         self._speed: F64 = MILLI * np.array(speeds)
-        self._turn: F64 = MILLI * TURN * np.array(spans, np.float64)
+        self._span: F64 = MILLI * np.array(spans, np.float64)
         self._last: dict[int, tuple[_Met, ...]] = {}
         self._of: dict[int, Returned] = {}
         self._seen: dict[int, int] = {}
@@ -121,17 +137,22 @@ class Returns:
             row = int(rows[k - len(before)])
             return _Met(int(value[row]), int(t_ns[row]), int(at[row]), frame(row))
 
-        register = key % self._count
         step, took = np.diff(v), np.maximum(np.diff(t), 0)
-        size = np.abs(step)
-        far = size > self._speed[register] * (took + LATE_NS) / NS
-        far &= size <= self._turn[register]
-        there = np.flatnonzero(far[:-1] & far[1:] & ((step[:-1] > 0) != (step[1:] > 0))) + 1
+        far = self._is_far(key % self._count, step, took)
+        there = np.flatnonzero(far & ((step[:-1] > 0) != (step[1:] > 0))) + 1
         if len(there):
             begun = self._seen.get(key, 0) - len(before)
             self._count_in(key, there.tolist(), begun, met)
         self._seen[key] = self._seen.get(key, 0) + len(rows)
         self._last[key] = tuple(met(k) for k in range(max(len(v) - 2, 0), len(v)))
+
+    def _is_far(self, register: int, step: I64, took: I64) -> Mask:
+        """Tell of each value but the first and the last whether it is far from both beside it."""
+        size = np.abs(step)
+        far = size > self._speed[register] * (took + LATE_NS) / NS
+        far &= size <= TURN * self._span[register]
+        both: Mask = far[:-1] & far[1:]
+        return both
 
     def _count_in(
         self, key: int, there: Sequence[int], begun: int, met: Callable[[int], _Met]
@@ -152,3 +173,22 @@ class Returns:
     def of(self, servo_id: int, register: int) -> Returned:
         """Return what is known of a servo's register."""
         return self._of.get((servo_id + 1) * self._count + register, Returned())
+
+
+class GoalsBack(Returns):
+    """Follows the goals of all servos: which are far from two that are alike."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        super().__init__(protocol, "goal_position")
+
+    def take(self, who: I64, value: I64, t_ns: I64, at: I64) -> None:
+        """Take values as ``add`` does, without the frames that stated them."""
+        self.add(who, value, t_ns, at, lambda _: b"")
+
+    def _is_far(self, register: int, step: I64, took: I64) -> Mask:
+        size = np.abs(step)
+        least = FAR * min(self._span[register], self._speed[register])
+        back = np.abs(step[:-1] + step[1:])
+        is_soon = took[:-1] + took[1:] <= SOON_NS
+        far: Mask = is_soon & (size[:-1] >= least) & (back <= BACK * size[:-1])
+        return far

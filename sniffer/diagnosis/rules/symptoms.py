@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.anomalies.catalogue import CATALOGUE
+from sniffer.anomalies.found import NUMBER
 from sniffer.diagnosis.case import episodes
+from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.evidence.twins import twins
 from sniffer.diagnosis.ledger.buckets import SERVOS
 from sniffer.diagnosis.ledger.silences import MISSING
@@ -31,6 +33,9 @@ SECOND: Final = "duplicate-response"
 """Where two servos share an id, and the second answers when the next servo was asked already, this is
 said of the next one's answer: the fault is not that one's."""
 
+BEYOND: Final = "value-out-of-range"
+"""Where items of a command are misread, what they state is no servo's value."""
+
 GONE: Final = "port-lost"
 """The port went away: where it came back, bytes between were lost."""
 
@@ -45,7 +50,8 @@ def symptoms(case: Case) -> Iterator[Finding]:
     """Return what the decoder reported, by code and servo."""
     alarms = case.alarms
     of_whom = {s: servo for servo, twin in twins(case).items() for s in twin.before}
-    key = alarms["code"] * SERVOS + alarms["servo_id"] + 1
+    of_nobody = (alarms["code"] == NUMBER[BEYOND]) & bool(misaddressed(case))
+    key = alarms["code"] * SERVOS + np.where(of_nobody, -1, alarms["servo_id"]) + 1
     for one in np.unique(key).tolist():
         rows = np.flatnonzero(key == one)
         code, servo = case.code(one // SERVOS), one % SERVOS - 1
@@ -72,7 +78,11 @@ def symptoms(case: Case) -> Iterator[Finding]:
             max(last for _, last in spans),
             count,
             ONCE.get(code, f"{count} x {code}{of}"),
-            case.places(case.anomalies(code, servo_id=servo), f"{code}{of}: {known.means}", 2),
+            case.places(
+                case.anomalies(code, servo_id=None if of_nobody[rows[0]] else servo),
+                f"{code}{of}: {known.means}",
+                2,
+            ),
             strength=0.5 + 0.5 * min(count / PLENTY, 1.0),
             episodes=spans,
             is_own=is_absent,

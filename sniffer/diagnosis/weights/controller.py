@@ -169,6 +169,7 @@ WEIGHTS: Final = (
     *for_(
         "controller-stall",
         ("loop-stalls", 3.5, "its loop stops, and nothing was missing"),
+        ("waits-alike", 3.5, "it waits as long each time, and nothing was missing on this wire"),
         ("tap-was-late", -1.0, "the tap itself was late"),
         ("clock-stepped", -2.0, "the clock of the input was set"),
         ("goal-jump", 0.2, "behind a stop the goals are far from where it left"),
@@ -187,6 +188,29 @@ WEIGHTS: Final = (
         "bus-saturated",
         ("bus-full", 3.5, "bytes are on the line nearly all the time"),
         ("clock-stepped", -2.0, "the clock of the input was set"),
+    ),
+    *(
+        weight
+        for cause in ("brownout", "overheat", "overload")
+        for weight in for_(
+            cause, ("limit-set-beyond", -7.0, "what it complains of came with a limit, and alone")
+        )
+    ),
+    *for_(
+        "limit-misplaced",
+        ("limit-set-beyond", 6.0, "it complains since a limit was written"),
+        ("device-input-voltage", 0.3, "that limit is of its supply"),
+        ("voltage-sag", 0.3, "its supply is below that limit"),
+        ("supply-stays-low", -3.0, "its supply is far below what it was, whatever the limit"),
+        ("device-overheating", 0.3, "that limit is of its temperature"),
+        ("device-temperature-alarm", 0.3, "that limit is of its temperature"),
+        ("device-temperature-limit", 0.3, "that limit is of its temperature"),
+        ("temperature-high", 0.3, "its temperature is beyond that limit"),
+        ("temperature-rising", -3.0, "its temperature rises, whatever the limit"),
+        ("joint-limp-after-alarm", 0.3, "it switches its motor off for that"),
+        ("device-safe-mode", 0.2, "it protects itself for that"),
+        ("complaints-together", 0.1, "several were told so"),
+        ("device-recovered", 0.1, "it was written back"),
     ),
     *for_(
         "goal-out-of-range",
@@ -216,6 +240,7 @@ WEIGHTS: Final = (
     *for_(
         "position-jump",
         ("goal-jump", 3.5, "one step far beyond all others"),
+        ("goals-in-turns", 4.5, "two programs state its goals in turns"),
         ("goal-beyond-range", -0.5, "goals out of range are a fault of their own"),
         ("device-overload", 0.3, "the servo is to hasten to a goal far away"),
         ("device-recovered", 0.1, "the servo has come to its goal"),
@@ -249,6 +274,13 @@ WEIGHTS: Final = (
     *for_(
         "malformed-command",
         ("odd-commands", 3.0, "requests that hold, and are not as the manual has them"),
+        ("items-misread", 4.5, "values are read as ids: items are not as long as the command says"),
+        ("value-out-of-range", 0.3, "what is misread is any number"),
+        ("joint-limp", 0.3, "a goal that is misread moves nothing"),
+        ("joint-not-following", 0.3, "a goal that is misread moves nothing"),
+        ("joint-stalled", 0.3, "a goal that is misread moves nothing"),
+        ("goals-in-turns", 0.3, "goals and what is misread come in turns"),
+        ("goal-jump", 0.3, "what is misread is another goal"),
         ("malformed-body", 1.0, "frames whose body their command cannot have"),
         ("unknown-command", 1.0, "commands that stand in no manual"),
         ("modifier-misused", 3.0, "a modifier that the command does not have"),

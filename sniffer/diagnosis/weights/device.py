@@ -22,6 +22,7 @@ WEIGHTS: Final = (
             cause,
             ("all-miss-alike", -3.5, "all servos miss as much: it is what they share"),
             ("first-behind-rest", -4.0, "while the line is at work nothing is missing"),
+            ("answers-every-nth", -7.0, "it counts: which request it leaves is no chance"),
         )
     ),
     *(
@@ -72,6 +73,7 @@ WEIGHTS: Final = (
         ("all-away-at-once", 1.0, "all go away at once: they share a supply"),
         ("several-away-at-once", 2.2, "several go at one moment: they share a supply"),
         ("away-for-long", -2.5, "a supply that sags is back in moments, a servo in seconds"),
+        ("outages-by-place", 1.5, "it carries more there"),
         ("supply-steady", -2.0, "its supply was in order before it fell silent"),
         ("temperature-high", -0.5, "it may protect itself for heat instead"),
         ("one-question-unanswered", -4.0, "without its supply it answers no question"),
@@ -111,6 +113,7 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -6.0, "who restarts answers no question meanwhile"),
         ("away-for-long", -2.5, "who starts anew is back in seconds"),
         ("outages-evenly", 1.5, "it goes away at even times, as restarts come"),
+        ("outages-by-place", 0.5, "it carries more there"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
         ("start-takes-long", 4.0, "it starts because it is told to, and takes long"),
         (
@@ -140,6 +143,7 @@ WEIGHTS: Final = (
         ("voltage-sag", -1.0, "its supply was low before"),
         ("silent-at-old-rate", -3.0, "it was told another rate"),
         ("old-id-asked", -3.0, "it was given another id"),
+        ("both-ids-asked", -3.0, "it was given another id, and answers by it"),
         ("silent-since-an-order", -1.0, "it was told something just before"),
         ("silent-in-other-mode", -3.0, "it was told to leave this protocol"),
     ),
@@ -149,6 +153,7 @@ WEIGHTS: Final = (
         ("no-response", 0.6, "requests without an answer"),
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("old-id-asked", -3.0, "its id was given away"),
+        ("both-ids-asked", -3.0, "its id was given away"),
     ),
     *for_(
         "torque-off",
@@ -275,6 +280,7 @@ WEIGHTS: Final = (
         ("writes-read-only", -2.5, "it refuses what can only be read"),
         ("writes-part", -2.5, "it refuses half a register"),
         ("one-question-unanswered", 2.5, "it takes all questions but one"),
+        ("answers-every-nth", 4.5, "it takes one request of several, in turns"),
         ("odd-commands", -1.0, "what it leaves or refuses is not as the manual has it"),
         ("device-nack", 1.0, "it says no"),
         ("device-range", 1.0, "it says that there is no such address or value"),
@@ -382,6 +388,7 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -6.0, "a contact does not choose a question"),
         ("outages-evenly", -1.2, "a contact opens at any time"),
         ("outages-anytime", 0.5, "a contact opens at any time"),
+        ("outages-by-place", 1.5, "it opens where a cable is bent"),
         ("torn-when-away", 0.8, "it opens within answers"),
         ("others-away-too", 1.5, "others go away as often: they share wires, not what they are"),
         ("torque-survives", 1.5, "it kept its power: only its line was open"),

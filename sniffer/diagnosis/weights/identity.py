@@ -16,6 +16,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "id-changed",
         ("old-id-asked", 3.5, "the old id is asked still, in vain"),
+        ("both-ids-asked", 3.5, "the old id is asked still, in vain, beside the new one"),
         ("id-changed", 1.5, "a frame gives the servo another id"),
         ("silent-since", 1.4, "the old id is silent since"),
         ("never-answered", 1.2, "the old id does not answer"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.diagnosis.rules.controller import (
+    beyond,
     breaking,
     everybody,
     forms,
@@ -14,6 +15,7 @@ from sniffer.diagnosis.rules.controller import (
     limited,
     ordered,
     patience,
+    rivals,
     scans,
     storms,
     sums,
@@ -23,6 +25,7 @@ from sniffer.diagnosis.rules.controller import (
 )
 
 PARTS: Final = (
+    beyond,
     breaking,
     everybody,
     forms,
@@ -32,6 +35,7 @@ PARTS: Final = (
     limited,
     ordered,
     patience,
+    rivals,
     scans,
     storms,
     sums,

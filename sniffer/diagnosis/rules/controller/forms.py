@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import OFTEN, TORN, may_be_torn
+from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.evidence.placed import finding_of, single
 from sniffer.diagnosis.evidence.sameness import come_again, not_held
 from sniffer.diagnosis.model import Finding, Place
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+
+ITEM_LENGTH: Final = "Compare the length that the command states for an item with what the program writes behind each id."
 
 FINDINGS: Final = (
     FindingCode(
@@ -38,12 +41,21 @@ FINDINGS: Final = (
         "Half of all damaged places and more hold the same bytes, no sound request is like them, and most stand where no answer is due.",
     ),
     FindingCode(
+        "items-misread",
+        "Items of commands to several servos are of another length than the command says: values are read as ids.",
+        "Three servos and more that nobody asks or hears get goals out of range, each in one of ten commands to all at most.",
+        remedy=ITEM_LENGTH,
+        settle=ITEM_LENGTH,
+    ),
+    FindingCode(
         "odd-commands",
         "Requests that hold and are not as the manual has them.",
         "Kinds of requests with a body they cannot have, or that stand in no manual, and how often "
         "each was sent.",
     ),
 )
+
+SHOWN: Final = 5
 
 ID_SET: Final = "id_set"
 """The command whose code the appendix of the wCK manual (1.07, A-4) gives for reading gains."""
@@ -138,6 +150,29 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         )
 
 
+def items_misread(case: Case) -> Iterator[Finding]:
+    """Commands to several servos that name now these, now those that are not there."""
+    some = misaddressed(case)
+    if not some:
+        return
+    w = case.writes
+    rows = np.flatnonzero(np.isin(w["servo_id"], list(some)))
+    first = int(rows[np.argmin(w["t_first"][rows])])
+    ids = sorted(some)
+    shown = ", ".join(map(str, ids[:SHOWN])) + (" ..." if len(ids) > SHOWN else "")
+    yield Finding(
+        "items-misread",
+        None,
+        int(w["t_first"][first]),
+        int(w["t_last"][rows].max()),
+        sum(some.values()),
+        f"commands to several name {len(ids)} servos that nobody asks or hears ({shown}), each now and "
+        "then, with goals out of range: their items are of another length than they say",
+        (Place(int(w["at"][first]), 1, int(w["t_first"][first]), "a value read as an id"),),
+        brief=f"commands to several name {len(ids)} servos that are not there",
+    )
+
+
 def same_bytes(case: Case) -> Iterator[Finding]:
     """Bytes that are no frame and come again and again: somebody sends them so."""
     damages = not_held(case)
@@ -155,5 +190,5 @@ def same_bytes(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (gain_read, odd_commands, same_bytes)
+RULES: Final[tuple[Rule, ...]] = (gain_read, odd_commands, items_misread, same_bytes)
 """The rules of this area."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import OFTEN, may_be_torn
+from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.evidence.placed import single
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import COMMANDED
@@ -101,7 +102,7 @@ def _beyond_range(case: Case) -> Iterator[tuple[int, Register, int]]:
 def goal_range(case: Case) -> Iterator[Finding]:
     """Goals outside what the manual allows."""
     w = case.writes
-    beyond = list(_beyond_range(case))
+    beyond = [] if misaddressed(case) else list(_beyond_range(case))  # what is misread is no goal
     for i, register, worst in beyond:
         if register.role != COMMANDED or register.quantity != "goal_position":
             continue

@@ -27,11 +27,21 @@ LEAD_IT_BACK: Final = (
     "what wrote that register."
 )
 
+LEAVE_IT_OUT: Final = "Leave the old id out of the controller's list: the servo answers by its new one, which is asked, too."
+
 FINDINGS: Final = (
     FindingCode(
         "old-id-asked",
         "A servo was given another id, and the old one is asked still and answers nothing.",
         "A frame that gives the id, then at least three requests to the old one, none with an answer, or none from some moment on to the end: some servos take it with their next start.",
+    ),
+    FindingCode(
+        "both-ids-asked",
+        "A servo was given another id; it is asked by that one and answers, and by the old one in vain.",
+        "The same as `old-id-asked`, and three answers and more of the new id behind the frame that gives it.",
+        remedy=LEAVE_IT_OUT,
+        settle=LEAVE_IT_OUT,
+        concerns="",
     ),
     FindingCode(
         "id-given-twice",
@@ -102,14 +112,18 @@ def old_ids(case: Case) -> Iterator[Finding]:
             asked, first, last = _asked_in_vain(case, servo, t)
             if asked < LEAST:
                 continue
+            answers = 0 if new is None else _since(case, new, t)[1]
+            # who answered by it before is another one
+            is_both = LEAST <= answers == case.total("ok", new)
+            beside = f"; {name} is asked as well, and answers" if is_both else ""
             found[servo] = Finding(
-                "old-id-asked",
+                "both-ids-asked" if is_both else "old-id-asked",
                 servo,
                 t,
                 last,
                 asked,
                 f"servo {servo} was given {to} at {case.since(t)}; {asked} requests to {servo} "
-                f"follow, the first {(first - t) / NS:.3f} s later, and none is answered",
+                f"follow, the first {(first - t) / NS:.3f} s later, and none is answered{beside}",
                 (Place(at, length, t, f"servo {named} is given {to}"),),
                 strength=min(0.7 + asked / 20, 1.0),
                 brief=f"servo {servo} becomes {name}, {servo} is asked still",

@@ -8,8 +8,9 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
-from sniffer.diagnosis.evidence.efforts import effort
+from sniffer.diagnosis.evidence.efforts import effort, stops_as_told
 from sniffer.diagnosis.evidence.hanging import hangs_behind, hangs_since_it_was_away
+from sniffer.diagnosis.evidence.lastbit import lacks_last_bit
 from sniffer.diagnosis.evidence.tracks import LAG_NS, LOOKS, Away, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.damage import IN_REQUEST, STRAYS
@@ -30,7 +31,7 @@ FINDINGS: Final = (
     FindingCode(
         "joint-stalled",
         "A joint is far from its goal, does not come nearer, and its motor pushes.",
-        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error. It counts half where the joint each time came there by itself, on the way to one goal, and leaves with the next one.",
+        "For a second or longer, or each time that a joint which is looked at seldom is looked at: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus, or one that grows and falls with that error. It counts half where the joint each time came there by itself, on the way to one goal, and leaves with the next one; not where it has the current at which a modifier told it to stop.",
         settle="Ask whether it is meant to press there: a gripper that holds and a joint that homes against its stop look alike on the wire. If it is not, move the joint by hand with torque off.",
     ),
     FindingCode(
@@ -131,7 +132,7 @@ def following(case: Case) -> Iterator[Finding]:
     tracks = [t for t in (track(case, s) for s in case.servos) if t is not None]
     moved = any(_moves(t) for t in tracks)
     for one in tracks:
-        if may_be_torn(case, int(one.goal.n.sum())):
+        if may_be_torn(case, int(one.goal.n.sum())) or lacks_last_bit(case, one):
             continue  # what is read from and never sent anywhere has a goal by a torn request
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
@@ -140,6 +141,8 @@ def following(case: Case) -> Iterator[Finding]:
             code = _kind(case, one, away)
             motor = effort(case, one.servo_id)
             if motor and code in ("joint-limp", "joint-not-following") and _presses(one, away):
+                continue
+            if motor and stops_as_told(case, one.servo_id, motor, away.first_ns, away.last_ns):
                 continue
             kinds.setdefault(code, []).append(away)
             if code.startswith("joint-limp") and motor:

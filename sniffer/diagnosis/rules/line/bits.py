@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
+from sniffer.diagnosis.evidence.lastbit import LAST_BIT, lacks_last_bit
+from sniffer.diagnosis.evidence.tracks import track
 from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.ledger.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.model import Finding, Place
@@ -49,7 +51,7 @@ FINDINGS: Final = (
     FindingCode(
         "last-bits",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones; or the checksums of eight torn answers and more are right in bits 0 to 2 and wrong behind, in several ways.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones; or the checksums of eight torn answers and more are right in bits 0 to 2 and wrong behind, in several ways; or its bare positions never have their highest bit, and follow its goals but for that.",
     ),
 )
 
@@ -335,5 +337,26 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, late_bits, last_bits, wide_errors)
+def last_bit_of_places(case: Case) -> Iterator[Finding]:
+    """Find servos whose bare answers tell places without their highest bit."""
+    for servo in case.servos:
+        one = track(case, servo)
+        if one is None or not lacks_last_bit(case, one):
+            continue
+        p, bit = one.position, LAST_BIT * one.position.scale
+        yield Finding(
+            "last-bits",
+            servo,
+            int(p.t_first[0]),
+            int(p.t[-1]),
+            int(p.n.sum()),
+            f"none of {int(p.n.sum())} positions of servo {servo} has bit 7, and where its goals are "
+            f"beyond that it follows them {bit:.4g} {p.unit} lower",
+            (Place(int(p.at[0]), 1, int(p.t_first[0]), f"position {p.told(p.first[0])}"),),
+            strength=0.8,
+            brief=f"the last bits of servo {servo} are misread",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (bits, late_bits, last_bits, wide_errors, last_bit_of_places)
 """The rules of this area."""

@@ -31,6 +31,12 @@ FINDINGS: Final = (
         is_manner=True,
     ),
     FindingCode(
+        "answers-torn-anywhere",
+        "Answers are torn at any of their bytes, and not at their beginning or end.",
+        "Of eight torn answers and more whose wrong bytes are known half have them behind the second byte and before the last one.",
+        is_manner=True,
+    ),
+    FindingCode(
         "last-byte-torn",
         "It is the last byte of requests that is torn or missing.",
         "At least three torn requests, three quarters of them with nothing wrong but the last byte; "
@@ -43,6 +49,10 @@ LEAST: Final = 3
 
 MOST: Final = 0.75
 """Part of the torn frames that must be torn at one end."""
+
+MANY: Final = 8
+HALF: Final = 0.5
+"""Torn answers, and the part of them that is wrong within, where it is not their ends that are."""
 
 KNOWN: Final = 0.25
 """Part of the torn frames at least of which one must know where they are torn."""
@@ -75,6 +85,23 @@ def ends(case: Case) -> Iterator[Finding]:
             f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
             "the last byte of requests is torn",
             _strength(last, requests, 1),
+        )
+
+
+def torn_anywhere(case: Case) -> Iterator[Finding]:
+    """Tell whether answers are torn at any of their bytes: a change of direction tears their ends."""
+    known = [m for m in case.misreads if m.damage.turn == IN_REPLY and is_hit(m)]
+    within = [
+        m for m in known if min(m.bytes_hit) >= IN_FRONT and max(m.bytes_hit) < m.damage.length - 1
+    ]
+    if len(within) >= MANY and len(within) >= HALF * len(known):
+        yield bits_finding(
+            "answers-torn-anywhere",
+            within,
+            f"{len(within)} of {len(known)} torn answers whose wrong bytes are known have these neither "
+            "at their beginning nor at their end",
+            "wrong within an answer",
+            1.0,
         )
 
 
@@ -130,5 +157,5 @@ def _cut(m: Misread) -> bool:
     return m.shape == BACK and len(m.damage.expected) - m.damage.length == 1
 
 
-RULES: Final[tuple[Rule, ...]] = (ends, strays_before)
+RULES: Final[tuple[Rule, ...]] = (ends, torn_anywhere, strays_before)
 """The rules of this area."""

@@ -15,6 +15,7 @@ from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -181,7 +182,7 @@ def silences(case: Case) -> Iterator[Finding]:
         spells = case.ledger.silences.of(servo)
         for s in spells:
             if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
-                took = (case.last_ns - s.first_ns) / NS
+                took = f" in {(case.last_ns - s.first_ns) / NS:.3g} s" if case.has_clock else ""
                 ordered = told_to_start(case, servo, [s])
                 yield Finding(
                     "silent-since",
@@ -190,7 +191,7 @@ def silences(case: Case) -> Iterator[Finding]:
                     case.last_ns,
                     s.missed,
                     f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
-                    f"{s.missed} requests in {took:.3g} s"
+                    f"{counted(s.missed, 'request')}{took}"
                     + ("; it was told to start anew just before" if ordered else ""),
                     (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
                     brief=f"servo {servo} silent to the end",
@@ -249,9 +250,8 @@ def _usual(case: Case, servo: int) -> float:
 
 
 def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
-    longest = max(away, key=lambda s: s.lasted_ns)
-    took_ms = longest.lasted_ns / 1e6
-    told = f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s"
+    longest = max(away, key=lambda s: s.lasted_ns if case.has_clock else s.missed)
+    told, missed = _lasted(case, longest)
     often = "once" if len(away) == 1 else f"{len(away)} times"
     most = "" if len(away) == 1 else "at most "
     ordered = len(told_to_start(case, servo, away))
@@ -262,7 +262,7 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {told} ({longest.missed} requests in a row)"
+        f"servo {servo} was away {often}, {most}for {told}{missed}"
         + (f", {times}since it was told to start anew" if ordered else ""),
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
@@ -275,20 +275,32 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
     )
 
 
+def _lasted(case: Case, s: Silence) -> tuple[str, str]:
+    """Return how long a silence was, and what to add to that; in requests where nobody knows."""
+    asked = f"{counted(s.missed, 'request')} in a row"
+    took_ms = s.lasted_ns / 1e6
+    if not case.has_clock:
+        return asked, ""
+    return f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s", f" ({asked})"
+
+
 def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]:
     every = _times_away(case, servo, away)
     if of_one_length(every, case.latency_ns).mean() < MOST:
         return
     spans = np.array([s.lasted_ns for s in away]) / 1e6
     apart = np.diff([s.first_ns for s in away]) / NS
+    pace = f", every {np.median(apart):.2g} s or so" if case.has_clock else ""
+    missed = np.array([s.missed for s in away])
+    told, unit = (spans, "ms") if case.has_clock else (missed, "requests")
     yield Finding(
         "away-again-and-again",
         servo,
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} went away {len(away)} times, for {np.median(spans):.0f} ms in the middle "
-        f"({spans.min():.0f} to {spans.max():.0f}), every {np.median(apart):.2g} s or so",
+        f"servo {servo} went away {len(away)} times, for {np.median(told):.0f} {unit} in the middle "
+        f"({told.min():.0f} to {told.max():.0f}){pace}",
         strength=min(0.55 + 0.15 * len(away), 1.0)
         * (LONG if np.median(spans) > BOOT_MS else 1.0)
         * max(sureness(so_alike([s.bounds_ns for s in every]), SELDOM_ALIKE), UNKNOWN),
@@ -318,7 +330,7 @@ def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
         how, strength = "evenly, as restarts do", sureness(so_alike(known), SELDOM)
     else:
         how, strength = (
-            "at any time, as a contact opens",
+            "without a rhythm, as a contact opens",
             (spread - (even + uneven) / 2) / (uneven - even),
         )
     yield Finding(

@@ -8,10 +8,12 @@ from sniffer.diagnosis.rules.timing import (
     pace,
     slowness,
     soonest,
+    timeouts,
 )
 
 PARTS: Final = (
     pace,
     slowness,
     soonest,
+    timeouts,
 )

@@ -1,0 +1,63 @@
+"""Servos that answer every second request: a count is no chance, and no fault of the line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.conversations import Conversation, swinging
+from tests.diagnosed import codes, found, verdicts
+from tests.streams import mightyzap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+VOLTAGE = bytes([0x92, 1])
+"""Address and length of what a mightyZAP measures of its supply."""
+
+
+def polled(protocol: str, is_lost: Callable[[int], bool]) -> Conversation:
+    """Return a loop over three servos; answers of the third are lost by the number of the round."""
+    talk = Conversation(protocol)
+    for cycle in range(300):
+        for servo in (1, 2, 3):
+            if servo == 3 and is_lost(cycle):
+                talk.ask_in_vain(servo)
+            else:
+                talk.read(servo, swinging(servo, talk.now_s))
+        talk.rest(10)
+    return talk
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+def test_who_answers_every_second_request_counts(protocol: str) -> None:
+    diagnosis = polled(protocol, lambda cycle: cycle % 2 == 1).diagnosed()
+    assert verdicts(diagnosis.incidents()) == [("servo-refuses", (3,))]
+    (finding,) = (f for f in found(diagnosis) if f.code == "answers-every-nth")
+    assert finding.what == "servo 3 answers one request of 2, in turns: 150 of 300"
+
+
+def test_who_answers_every_third_request_counts_as_well() -> None:
+    diagnosis = polled("mightyzap", lambda cycle: cycle % 3 > 0).diagnosed()
+    (finding,) = (f for f in found(diagnosis) if f.code == "answers-every-nth")
+    assert finding.what == "servo 3 answers one request of 3, in turns: 100 of 300"
+
+
+def test_who_loses_answers_now_and_then_does_not_count() -> None:
+    assert "answers-every-nth" not in codes(
+        polled("mightyzap", lambda cycle: cycle * cycle % 7 == 2).diagnosed()
+    )
+
+
+def test_who_leaves_one_question_of_two_does_not_count() -> None:
+    talk = Conversation("mightyzap")
+    for _ in range(200):
+        talk.read(2, 0.5)
+        talk.say(mightyzap.packet(2, 0xF2, VOLTAGE))
+        talk.rest(0.3)
+        talk.say(mightyzap.packet(2, 0, b"\x78"))
+        talk.read(3, 0.5)
+        talk.say(mightyzap.packet(3, 0xF2, VOLTAGE))
+        talk.rest(25)
+    assert "answers-every-nth" not in codes(talk.diagnosed())
