@@ -1,7 +1,8 @@
-"""Servos that answer every second request: a count is no chance, and no fault of the line."""
+"""Requests left one by one: in turns, which is no chance, or at any time, which is no start."""
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,16 +18,18 @@ VOLTAGE = bytes([0x92, 1])
 """Address and length of what a mightyZAP measures of its supply."""
 
 
-def polled(protocol: str, is_lost: Callable[[int], bool]) -> Conversation:
+def polled(
+    protocol: str, is_lost: Callable[[int], bool], rounds: int = 300, rest_ms: float = 10
+) -> Conversation:
     """Return a loop over three servos; answers of the third are lost by the number of the round."""
     talk = Conversation(protocol)
-    for cycle in range(300):
+    for cycle in range(rounds):
         for servo in (1, 2, 3):
             if servo == 3 and is_lost(cycle):
                 talk.ask_in_vain(servo)
             else:
                 talk.read(servo, swinging(servo, talk.now_s))
-        talk.rest(10)
+        talk.rest(rest_ms)
     return talk
 
 
@@ -61,3 +64,11 @@ def test_who_leaves_one_question_of_two_does_not_count() -> None:
         talk.say(mightyzap.packet(3, 0xF2, VOLTAGE))
         talk.rest(25)
     assert "answers-every-nth" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_who_misses_single_requests_by_chance_does_not_start_anew(protocol: str) -> None:
+    rng = random.Random(1)
+    talk = polled(protocol, lambda _: rng.random() < 0.06, rounds=500, rest_ms=20)
+    (incident,) = talk.diagnosed().incidents()
+    assert incident.cause != "servo-reset-loop"
