@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import Conversation, swinging
+from tests.conversations import Conversation, swinging, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap
 
@@ -72,3 +72,10 @@ def test_who_misses_single_requests_by_chance_does_not_start_anew(protocol: str)
     talk = polled(protocol, lambda _: rng.random() < 0.06, rounds=500, rest_ms=20)
     (incident,) = talk.diagnosed().incidents()
     assert incident.cause != "servo-reset-loop"
+
+
+def test_without_a_clock_no_silence_lasts_for_seconds() -> None:
+    talk = polled("mightyzap", lambda cycle: 100 <= cycle < 110 or cycle >= 250)
+    told = {f.code: f.what for f in found(talk.diagnosed(without_clock(talk.chunks)))}
+    assert told["away-for-a-while"] == "servo 3 was away once, for 10 requests in a row"
+    assert told["silent-since"].endswith("not once since, 50 requests")

@@ -181,7 +181,7 @@ def silences(case: Case) -> Iterator[Finding]:
         spells = case.ledger.silences.of(servo)
         for s in spells:
             if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
-                took = (case.last_ns - s.first_ns) / NS
+                took = f" in {(case.last_ns - s.first_ns) / NS:.3g} s" if case.has_clock else ""
                 ordered = told_to_start(case, servo, [s])
                 yield Finding(
                     "silent-since",
@@ -190,7 +190,7 @@ def silences(case: Case) -> Iterator[Finding]:
                     case.last_ns,
                     s.missed,
                     f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
-                    f"{s.missed} requests in {took:.3g} s"
+                    f"{s.missed} requests{took}"
                     + ("; it was told to start anew just before" if ordered else ""),
                     (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
                     brief=f"servo {servo} silent to the end",
@@ -254,6 +254,8 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
     told = f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s"
     often = "once" if len(away) == 1 else f"{len(away)} times"
     most = "" if len(away) == 1 else "at most "
+    row = f"{longest.missed} requests in a row"
+    lasted = f"{most}for {told} ({row})" if case.has_clock else f"{most}for {row}"
     ordered = len(told_to_start(case, servo, away))
     times = "" if ordered == len(away) else f"{ordered} times "
     return Finding(
@@ -262,14 +264,14 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {told} ({longest.missed} requests in a row)"
+        f"servo {servo} was away {often}, {lasted}"
         + (f", {times}since it was told to start anew" if ordered else ""),
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
             for s in away[:3]
         ),
         strength=min(0.8 + 0.1 * len(away), 1.0),
-        brief=f"servo {servo} silent for {told}"
+        brief=f"servo {servo} silent for {told if case.has_clock else row}"
         + ("" if len(away) == 1 else f", {len(away)} times"),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )
