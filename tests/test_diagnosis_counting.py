@@ -1,12 +1,13 @@
-"""Servos that answer every second request: a count is no chance, and no fault of the line."""
+"""Requests left one by one: in turns, which is no chance, or at any time, which is no start."""
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import Conversation, swinging
+from tests.conversations import Conversation, swinging, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap
 
@@ -17,16 +18,18 @@ VOLTAGE = bytes([0x92, 1])
 """Address and length of what a mightyZAP measures of its supply."""
 
 
-def polled(protocol: str, is_lost: Callable[[int], bool]) -> Conversation:
+def polled(
+    protocol: str, is_lost: Callable[[int], bool], rounds: int = 300, rest_ms: float = 10
+) -> Conversation:
     """Return a loop over three servos; answers of the third are lost by the number of the round."""
     talk = Conversation(protocol)
-    for cycle in range(300):
+    for cycle in range(rounds):
         for servo in (1, 2, 3):
             if servo == 3 and is_lost(cycle):
                 talk.ask_in_vain(servo)
             else:
                 talk.read(servo, swinging(servo, talk.now_s))
-        talk.rest(10)
+        talk.rest(rest_ms)
     return talk
 
 
@@ -61,3 +64,18 @@ def test_who_leaves_one_question_of_two_does_not_count() -> None:
         talk.say(mightyzap.packet(3, 0xF2, VOLTAGE))
         talk.rest(25)
     assert "answers-every-nth" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_who_misses_single_requests_by_chance_does_not_start_anew(protocol: str) -> None:
+    rng = random.Random(1)
+    talk = polled(protocol, lambda _: rng.random() < 0.06, rounds=500, rest_ms=20)
+    (incident,) = talk.diagnosed().incidents()
+    assert incident.cause != "servo-reset-loop"
+
+
+def test_without_a_clock_no_silence_lasts_for_seconds() -> None:
+    talk = polled("mightyzap", lambda cycle: 100 <= cycle < 110 or cycle >= 250)
+    told = {f.code: f.what for f in found(talk.diagnosed(without_clock(talk.chunks)))}
+    assert told["away-for-a-while"] == "servo 3 was away once, for 10 requests in a row"
+    assert told["silent-since"].endswith("not once since, 50 requests")

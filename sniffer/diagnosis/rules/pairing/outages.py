@@ -80,6 +80,10 @@ where it counts in full."""
 START_NS: Final = 60 * MS
 """No servo here starts sooner: wCK names 65 ms, and has the shortest start."""
 
+DOUBTED: Final = 0.05
+"""How likely silences of one request may be of who starts anew, for that to be doubted; it counts the
+more the less likely it is."""
+
 TORN_ONLY: Final = 0.25
 """How much it counts where every lost answer is torn and none is missing: what is away for longer
 than an answer takes misses requests, too."""
@@ -236,7 +240,7 @@ def sooner_than_a_start(case: Case) -> Iterator[Finding]:
         before = np.array([max(run.first_ns - run.before_ns, 1) for run in alone], np.float64)
         left = np.clip(before + gaps - START_NS, 0, before) / before
         chance = at_least(len(gaps), len(runs), float(left.mean()))
-        if chance > CHANCE:
+        if chance > DOUBTED:
             continue
         yield Finding(
             "back-too-soon",
