@@ -269,7 +269,7 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
             for s in away[:3]
         ),
         strength=min(0.8 + 0.1 * len(away), 1.0),
-        brief=f"servo {servo} silent for {told if case.has_clock else row}"
+        brief=f"servo {servo} silent for {told}"
         + ("" if len(away) == 1 else f", {len(away)} times"),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )
