@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 from sniffer.ground.registers import schema_path
-from tests.commands import sniffer, within
+from tests.commands import sniffer
 from tests.lists import in_turn
 from tests.test_names import CLEAN, DAMAGED, two_buses
 from tests.test_rerun import read
@@ -57,20 +57,6 @@ def test_a_name_told_now_stands_in_place_of_the_one_that_was_recorded(both: Path
     shown = sniffer("stats", both, "--name", "2=hand").out
     assert "2 hand" in of_bus(shown, "arm")
     assert "2 hand" in of_bus(shown, "leg")
-
-
-@pytest.mark.parametrize("name", ["hip[left]", ":eye:"])
-@pytest.mark.parametrize(
-    "command", [("stats",), ("state",), ("diagnose",), ("decode", "--summary")], ids=" ".join
-)
-def test_a_name_with_brackets_or_colons_is_shown_as_it_is(
-    command: tuple[str, ...], name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """It was taken for markup of the library that lays tables out, or for a picture."""
-    shown = within(capsys, *command, DAMAGED, *(f"--name={n}={name}" for n in (1, 2, 3))).out
-    assert name in shown
-    assert shown.count("hip") == shown.count("hip[left]")
-    assert "\N{EYE}" not in shown
 
 
 @in_turn(2)

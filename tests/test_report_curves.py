@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,11 +14,9 @@ from hypothesis import strategies as st
 
 from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.diagnosis.model import Finding
 from sniffer.ground.amounts import lasting, number
 from sniffer.ground.model import Chunk, Clock
 from sniffer.reports import svg
-from sniffer.reports.content import ALIKE, found_of
 from sniffer.reports.curves import Charts
 from sniffer.reports.histograms import TimeScale
 from sniffer.reports.text import LEVELS, sparkline
@@ -37,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from sniffer.diagnosis.model import Incident
     from tests.test_report import Capsys
 
 DAY_NS = 86_400_000_000_000
@@ -327,19 +323,6 @@ def test_a_histogram_counts_each_time_once_at_its_lower_and_at_its_upper_bound(
         assert 0 <= scale.share(bounds.low) <= scale.share(bounds.high) <= 100
 
 
-@given(st.integers(10_000, 10**9), st.integers(0, 100))
-def test_a_histogram_has_labels_that_tell_its_scale_however_narrow_it_is(
-    ns: int, percent: int
-) -> None:
-    """One of a tenth of a decade had a 0 and nothing else."""
-    q = Quantiles()
-    q.add(np.array([ns, ns * (100 + percent) // 100]), np.zeros(2, np.int64))
-    labels = [(at, float(told)) for at, told in TimeScale([q]).ticks()[1:]]
-    assert 2 <= len(labels) <= 12
-    assert labels == sorted(labels)
-    assert len({told for _, told in labels}) == len(labels)
-
-
 def test_a_line_that_is_hardly_busy_is_drawn_on_a_scale_that_shows_it(
     tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -362,14 +345,6 @@ def test_a_curve_of_goals_alone_is_called_so(tmp_path: Path, capsys: Capsys) -> 
     goal = "FFFFFF0105F386FF077A"
     path.write_text("".join(f"({k}.0) bus0 #{goal}\n" for k in range(1, 40)))
     assert "<b>goal position</b> mm" in page_of(capsys, path, tmp_path)
-
-
-def test_of_findings_of_one_kind_a_report_tells_some_and_how_many_more_there_are() -> None:
-    every = [Finding("goal-beyond-range", k, 0, 0, 1, "x") for k in range(100)]
-    every += [Finding("joint-not-following", 2, 0, 0, 1, "y")]
-    told = found_of(cast("Incident", SimpleNamespace(findings=tuple(every))))
-    assert len(told) == ALIKE + 1
-    assert told[-1].what == "y"
 
 
 def test_the_error_is_that_of_the_last_goal_before_each_position() -> None:

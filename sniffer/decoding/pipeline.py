@@ -7,7 +7,6 @@ import functools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.anomalies.alarms import refusal
 from sniffer.decoding.detect import (
     ENOUGH,
     SURE,
@@ -25,15 +24,14 @@ from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.rates import Late
 from sniffer.decoding.sink import Paced, Tuned, act, closed, introduced, over, taken, written
 from sniffer.decoding.summary import Summary
+from sniffer.decoding.unmet import unmet
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.runs import ChunkRun, by_bus
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
     from sniffer.decoding.rates import Rate
@@ -264,17 +262,7 @@ class Pipeline:
 
     def unmet(self) -> list[str]:
         """Tell of rules that no servo of any bus can meet, each in a sentence."""
-        told = ((a, self._unmet(a)) for a in self._options.alarms if self._decoders)
-        return [f"the rule {str(a)!r} judges nothing: {why}" for a, why in told if why]
-
-    def _unmet(self, alarm: Alarm) -> str | None:
-        """Return why no servo of any bus can meet a rule; None: one can."""
-        names = self._options.called
-        mine = [d for bus, d in self._decoders.items() if alarm.on(bus, names.ids)]
-        if mine:
-            return refusal(alarm, {p.name: p for d in mine for p in d.protocols}.values())
-        nobody = f"{alarm.called} is on none of the buses {and_(list(self._decoders))}"
-        return names.nobody(alarm.called) or nobody
+        return unmet(self._options, self._decoders)
 
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""
@@ -370,8 +358,8 @@ class Pipeline:
 
     def _decoder(self, bus: str, protocols: Sequence[BusProtocol]) -> Decoder | MixedDecoder:
         models, told = self._options.models, self.paces[bus]
+        known = {m.model for p in protocols for m in p.models}
         if self._live:  # they were named for all buses, which may speak different protocols
-            known = {m.model for p in protocols for m in p.models}
             models = {servo: model for servo, model in models.items() if model in known}
         return decoder_of(
             protocols,
@@ -393,19 +381,15 @@ class Pipeline:
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         self.first.keep(bus, chunks)
-        decoder = self._decoders[bus]
-        told = decoder.feed(chunks) if isinstance(chunks, ChunkRun) else decoder.feed(*chunks)
-        self._deliver(bus, parts_of(decoder, told))
+        decoder, runs = self._decoders[bus], [chunks] if isinstance(chunks, ChunkRun) else chunks
+        self._deliver(bus, parts_of(decoder, decoder.feed(*runs)))
 
     def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
         self.summary.begin(parts)
-        if self.narrowing is None:
-            self._write(bus, parts)
-            return
-        for told in self.narrowing.passes(bus, parts):
-            self._write(bus, told)
+        for some in [parts] if self.narrowing is None else self.narrowing.passes(bus, parts):
+            self._write(bus, some)
 
     def _write(self, bus: str, parts: Sequence[Part]) -> None:
         for protocol, batch in parts:

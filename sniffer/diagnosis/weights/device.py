@@ -62,11 +62,7 @@ WEIGHTS: Final = (
         ("load-high-and-still", 0.1, "it works hard meanwhile"),
         ("comes-and-goes", 0.4, "it loses answers meanwhile"),
         ("away-without-a-tear", 0.2, "it goes away with its answers whole"),
-        (
-            "others-away-too",
-            -0.5,
-            "a place of the chain rather than its supply, if nobody complains",
-        ),
+        ("others-away-too", -0.5, "a place of the chain, if nobody complains of the supply"),
         ("torque-survives", -1.5, "its torque is on when it is back: it did not restart"),
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("complaints-together", 2.5, "several complain at once: they share a supply"),

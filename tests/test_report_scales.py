@@ -1,0 +1,44 @@
+"""What a report labels and leaves out: scales of histograms, findings of one kind."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sniffer.decoding.durations import Quantiles
+from sniffer.diagnosis.model import Finding
+from sniffer.reports.content import ALIKE, found_of
+from sniffer.reports.histograms import TimeScale
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.model import Incident
+
+DAY_NS = 86_400_000_000_000
+TIMES = st.lists(
+    st.integers(-(10**15), 4 * 10**18) | st.integers(0, 10**10), min_size=1, max_size=60
+)
+
+
+@given(st.integers(10_000, 10**9), st.integers(0, 100))
+def test_a_histogram_has_labels_that_tell_its_scale_however_narrow_it_is(
+    ns: int, percent: int
+) -> None:
+    """One of a tenth of a decade had a 0 and nothing else."""
+    q = Quantiles()
+    q.add(np.array([ns, ns * (100 + percent) // 100]), np.zeros(2, np.int64))
+    labels = [(at, float(told)) for at, told in TimeScale([q]).ticks()[1:]]
+    assert 2 <= len(labels) <= 12
+    assert labels == sorted(labels)
+    assert len({told for _, told in labels}) == len(labels)
+
+
+def test_of_findings_of_one_kind_a_report_tells_some_and_how_many_more_there_are() -> None:
+    every = [Finding("goal-beyond-range", k, 0, 0, 1, "x") for k in range(100)]
+    every += [Finding("joint-not-following", 2, 0, 0, 1, "y")]
+    told = found_of(cast("Incident", SimpleNamespace(findings=tuple(every))))
+    assert len(told) == ALIKE + 1
+    assert told[-1].what == "y"
