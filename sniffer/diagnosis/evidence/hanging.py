@@ -9,6 +9,7 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.evidence.tracks import Away, JointTrack
     from sniffer.diagnosis.ledger.silences import Silence
     from sniffer.ground.model import I64, Mask
@@ -57,3 +58,16 @@ def _moves(one: JointTrack, rows: Mask) -> bool:
     """Tell whether a joint moves by what counts as far while it is looked at in some rows."""
     p = one.position
     return bool(rows.any()) and float(p.high[rows].max() - p.low[rows].min()) >= one.far / 2
+
+
+def is_switched_on(case: Case, servo: int, away: Away) -> bool:
+    """Tell whether a joint's torque was said to be on before it hung, and not off since.
+
+    Nothing is known where the servo was away meanwhile: it may have begun anew.
+    """
+    on = case.settings("torque_enable", servo_id=servo)
+    told = on.take(on.t_ns <= away.last_ns)
+    if not len(told) or int(told.after[-1]) != 1 or int(told.t_ns[-1]) > away.first_ns:
+        return False
+    since = int(told.t_ns[-1])
+    return not any(since < (run.back_ns or 0) for run in case.ledger.silences.runs(servo))

@@ -212,6 +212,7 @@ WEIGHTS: Final = (
     ),
     *for_(
         "overheat",
+        ("lags-more", 0.4, "a hot motor has less force"),
         ("device-overheating", 3.0, "it says that it is too hot"),
         ("device-temperature-limit", 3.0, "it says that it is too hot"),
         ("device-temperature-alarm", 2.5, "it warns of its temperature"),

@@ -9,7 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
 from sniffer.diagnosis.evidence.efforts import effort, stops_as_told
-from sniffer.diagnosis.evidence.hanging import hangs_behind, hangs_since_it_was_away
+from sniffer.diagnosis.evidence.hanging import hangs_behind, hangs_since_it_was_away, is_switched_on
 from sniffer.diagnosis.evidence.lastbit import lacks_last_bit
 from sniffer.diagnosis.evidence.tracks import LAG_NS, LOOKS, Away, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
@@ -37,7 +37,7 @@ FINDINGS: Final = (
     FindingCode(
         "joint-limp",
         "A joint does not follow its goals, and its motor does nothing about it.",
-        "For a second or longer: an error as above, no approach, and the load or current of a motor that is off.",
+        "For a second or longer: an error as above, no approach, and the load or current of a motor that is off. It counts half where the last that was said of its torque is that it is on, and the servo was never away since.",
         is_lasting=True,
     ),
     FindingCode(
@@ -362,6 +362,9 @@ def _found(
     meant = (
         "; it came there on the way to that goal, as one does that is to press" if by_plan else ""
     )
+    if code == "joint-limp" and is_switched_on(case, servo, longest):
+        sure *= PERHAPS  # its sensor or its gear may be gone as well
+        meant = "; its torque was switched on before, and not off since"
     return Finding(
         code,
         servo,

@@ -41,8 +41,8 @@ TIMES: Final = 3.0
 
 RISES: Final = 3
 RISE: Final = 0.1
-"""Steps from one part to the next, of four, that rise by a tenth of all and more: what is put down on
-a joint is one step."""
+"""Steps from one part to the next, of four, that rise by a tenth and more of what it was: what is put
+down on a joint is one step."""
 
 EVENLY: Final = 1.5
 """How many times as fast the goals of one part may move as those of another."""
@@ -106,7 +106,7 @@ def _parts(t: I64, edges: F64) -> I64:
 
 def _rises(lag: _Lag) -> bool:
     first, last = float(lag.parts[0]), float(lag.parts[-1])
-    steps = np.diff(lag.parts) / max(last - first, lag.joint.position.scale)
+    steps = np.diff(lag.parts) / np.maximum(lag.parts[:-1], lag.joint.far / 8)
     even = int((steps >= RISE).sum()) >= RISES and bool((steps >= -RISE).all())
     return even and last > lag.joint.far and last >= TIMES * first
 
