@@ -24,7 +24,10 @@ def frozen(*, switched_on: bool) -> Conversation:
     while talk.now_s < 20:
         for servo in (1, 2):
             place = 0.4 if servo == 2 and talk.now_s > 10 else swinging(servo, talk.now_s)
-            talk.send(servo, swinging(servo, talk.now_s))
+            talk.say(talk.tongue.goal(servo, swinging(servo, talk.now_s)))
+            talk.rest(0.3)
+            talk.say(mightyzap.packet(servo, 0, b""))
+            talk.rest(0.4)
             talk.say(mightyzap.packet(servo, 0xF2, bytes([STATE, 6])))
             talk.rest(0.3)
             words = (round(place * 4095), 0, 60)
