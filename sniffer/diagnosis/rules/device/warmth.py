@@ -278,11 +278,15 @@ def _limit(case: Case, servo: int) -> tuple[Limit, str]:
 
 def load(case: Case) -> Iterator[Finding]:
     """Servos that bear too much for long."""
+    usual_of: dict[str, float] = {}
     for servo in case.servos:
         motor = effort(case, servo)
         if motor is None:
             continue
-        usual = _usual(case, motor)
+        quantity = motor.series.register.quantity
+        if quantity not in usual_of:
+            usual_of[quantity] = _usual(case, quantity)
+        usual = usual_of[quantity]
         m = motor.steady
         levels: tuple[tuple[float, int], ...]
         if motor.full:
@@ -367,9 +371,8 @@ def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> boo
     return asked > joint.far / 2 and went < asked / 5
 
 
-def _usual(case: Case, motor: Effort) -> float:
+def _usual(case: Case, quantity: str) -> float:
     """Return what the servos of the bus usually have, each as much as the other."""
-    quantity = motor.series.register.quantity
     known = (case.series(i, quantity) for i in case.measured_by(quantity))
     medians = [float(np.median(np.abs(s.mean))) for s in known if s is not None]
     return float(np.median(medians)) if medians else 0.0

@@ -116,20 +116,23 @@ def _slower(
     found: dict[int, list[_Slow]] = {}
     fair: dict[int, int] = {}
     for one in likes:
+        keys = [*one.rows.values()]
+        usual_of = {k: bounds for k in keys if (bounds := told.at(k, PEERS)) is not None}
+        in_order = sorted(usual_of, key=lambda k: usual_of[k])
+        every = sum(map(told.count, keys))
+        later: dict[int, int] = {}  # how many answers of all of them are later than that
         for servo, key in one.rows.items():
             count = told.count(key)
-            peers = sorted(
-                b for k in one.rows.values() if k != key and (b := told.at(k, PEERS)) is not None
-            )
+            peers = [k for k in in_order if k != key]
             if servo not in case.servos or not peers or count < LEAST:
                 continue
-            fast = peers[(len(peers) - 1) // 2]
+            fast = usual_of[peers[(len(peers) - 1) // 2]]
             more = SLOW_NS + one.spare_ns
             too_long = max(fast.low + more, round(TIMES * fast.low))
             late = told.above(key, too_long)
-            others = [k for k in one.rows.values() if k != key]
-            as_late = sum(told.above(k, too_long) for k in others)
-            of_all = sum(told.count(k) for k in others)
+            if too_long not in later:
+                later[too_long] = sum(told.above(k, too_long) for k in keys)
+            as_late, of_all = later[too_long] - late, every - count
             # one more than was seen: of peers that never were late nobody knows that they never are
             theirs = (1 + as_late) / (1 + of_all)
             is_more = late >= OFTENER * theirs * count and at_least(late, count, theirs) < CHANCE
