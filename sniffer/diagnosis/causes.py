@@ -417,6 +417,18 @@ _CAUSES: Final = (
         "Leave out every second read: the cycle keeps its time.",
     ),
     Cause(
+        "joints-mixed-up",
+        CONTROLLER,
+        WARN,
+        -2.0,
+        "joints that do what others are told, or the opposite",
+        "The controller tells a joint what is meant for another one, or its direction is turned around.",
+        "Positions that go with the goals of another servo, or against their own.",
+        "A joint without torque, a blocked joint.",
+        "Exchange ids or plugs back, or turn the direction around.",
+        "Send one joint somewhere, and look which one moves, and which way.",
+    ),
+    Cause(
         "goal-out-of-range",
         CONTROLLER,
         WARN,

@@ -213,6 +213,15 @@ WEIGHTS: Final = (
         ("device-recovered", 0.1, "it was written back"),
     ),
     *for_(
+        "joints-mixed-up",
+        ("joints-exchanged", 5.0, "two do what the other one is told"),
+        ("joint-mirrored", 4.5, "it goes the opposite way"),
+        *(
+            (code, 0.3, "its goals are another's")
+            for code in ("joint-not-following", "joint-limp", "joint-stalled", "load-high")
+        ),
+    ),
+    *for_(
         "goal-out-of-range",
         ("goal-beyond-range", 3.0, "goals outside the manual's range"),
         ("goal-beyond-limits", 3.0, "goals outside the limits in the servo"),

@@ -11,6 +11,7 @@ _NOT_ITS_WORD: Final = (
     ("last-bits", -2.5, "its bytes are misread at their end: goals and values alike"),
     ("answers-mixed", -2.5, "two servos say where it is"),
     ("answers-twice", -2.5, "two servos say where it is"),
+    *((code, -4.0, "it moves, and not as told") for code in ("joints-exchanged", "joint-mirrored")),
 )
 """What speaks against a joint's or a motor's fault: what is known of it is not its own."""
 
