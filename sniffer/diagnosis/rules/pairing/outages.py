@@ -129,6 +129,7 @@ def losses(case: Case) -> Iterator[Finding]:
             Place(at, 1, t, "a request without a sound answer")
             for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)
         )
+        more = _more(case, one)
         others = (
             f"{rest_bad} of {rest} of {counted(len(sound), 'other')}"
             if sound
@@ -141,10 +142,10 @@ def losses(case: Case) -> Iterator[Finding]:
             int(one.times[-1]),
             one.bad,
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
-            f"({one.torn} of them torn) in {one.moments} moments; {others}",
+            f"({one.torn} of them torn) in {one.moments} moments; {others}{more}",
             places,
             strength=max(sureness(chance), 0.4) * min(TORN_ONLY + 1.5 * one.missing / one.bad, 1.0),
-            brief=f"servo {one.servo} loses answers in {one.moments} moments",
+            brief=f"servo {one.servo} loses {'more and more answers' if more else f'answers in {one.moments} moments'}",
             episodes=episodes(one.times, one.times, BUCKET_NS),
         )
         if one.servo in shared:
@@ -159,6 +160,14 @@ def losses(case: Case) -> Iterator[Finding]:
                 places,
                 brief=f"servo {one.servo} together with {with_it}",
             )
+
+
+def _more(case: Case, one: LostAnswers) -> str:
+    """Say that a servo loses more and more, where it does."""
+    counts = one.quarters(case.first_ns, case.last_ns) if case.has_clock else ()
+    return (
+        f"; more and more: {', '.join(map(str, counts))} by quarters of the time" if counts else ""
+    )
 
 
 def _for_a_while(case: Case, bad: list[LostAnswers]) -> Iterator[Finding]:
