@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import F64, I64
+
+CHARGE: Final = "Charge or replace the battery: all that measure the supply see it run down. If it is a mains supply, measure it at its terminals."
 
 FINDINGS: Final = (
     FindingCode(
@@ -37,11 +39,26 @@ FINDINGS: Final = (
         is_of_supply=True,
     ),
     FindingCode(
+        "supply-runs-down",
+        "The supply falls all the time, for all servos that measure it, and does not come back.",
+        "Of five parts of the time none has a higher voltage than the one before, of every servo that measures it, and the last one has a tenth less than the first; beside signs that it was too little.",
+        is_of_supply=True,
+        is_manner=True,
+        remedy=CHARGE,
+        settle=CHARGE,
+    ),
+    FindingCode(
         "supply-steady",
         "The supply of a servo was as usual right before it fell silent.",
         "A voltage within a twentieth of the usual one shortly before its silences, known of half of them at least; it counts in full within a tenth of a second, and less up to a second.",
     ),
 )
+
+PARTS: Final = 5
+SPENT: Final = 0.1
+BACK: Final = 0.01
+"""Parts of the time, which part of its voltage a battery has lost that is nearly empty, and by how much
+one part may be above the one before: by what a load takes for a while."""
 
 JUST_NS: Final = NS // 10
 SOON_NS: Final = NS
@@ -127,6 +144,35 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
                 strength=1.0,
                 brief="",
             )
+
+
+def runs_down(case: Case) -> Iterator[Finding]:
+    """Tell whether the supply falls all the time, as a battery that is empty does."""
+    known = [v for s in case.measured_by("voltage") if (v := case.series(s, "voltage")) is not None]
+    parts = [_parts(v) for v in known if len(v) >= PARTS * STAYS]
+    if not parts or len(parts) < len(known):
+        return
+    back = max(float(np.diff(one).max()) / one[0] for one in parts)
+    if back > BACK or any(one[-1] > (1 - SPENT) * one[0] for one in parts):
+        return
+    first, last = (float(np.median([one[k] for one in parts])) for k in (0, -1))
+    v = known[0]
+    yield Finding(
+        "supply-runs-down",
+        None,
+        int(min(v.t_first[0] for v in known)),
+        int(max(v.t[-1] for v in known)),
+        1,
+        f"the supply falls from {v.told(first)} to {v.told(last)} for all servos that measure it, and "
+        "does not come back",
+        (Place(int(v.at[-1]), 1, int(v.t_first[-1]), f"voltage {v.told(v.last[-1])}"),),
+        brief=f"the supply runs down to {v.told(last)}",
+    )
+
+
+def _parts(v: Series) -> F64:
+    """Return the mean voltage of each part of the time, by as many readings each."""
+    return np.array([part.mean() for part in np.array_split(v.mean, PARTS)])
 
 
 def steady(case: Case) -> Iterator[Finding]:
@@ -244,5 +290,5 @@ def _is_loaded(case: Case, servo: int, v: Series, low: I64) -> bool:
     return then > HEAVY * usual > 0
 
 
-RULES: Final[tuple[Rule, ...]] = (voltage_sag, steady)
+RULES: Final[tuple[Rule, ...]] = (voltage_sag, steady, runs_down)
 """The rules of this file."""
