@@ -29,24 +29,13 @@ from bench.diagnosis.troubles import (
     StuckLine,
 )
 from bench.diagnosis.uart import Clash, Receiver
-from sniffer.diagnosis.rules.line import (
-    bits,
-    crossings,
-    ends,
-    foreign,
-    held,
-    masters,
-    motors,
-    rates,
-    rhythms,
-    streams,
-)
-from sniffer.diagnosis.rules.line import damaged as line
+from sniffer.diagnosis.rules.line import PARTS, unknown
 from sniffer.diagnosis.rules.pairing import collisions, outages
 from tests import servos
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.test_diagnosis_by_supply import altered_answers
 from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
 from tests.test_diagnosis_shapes import without_blocks
 from tests.test_sums import alone, longer
@@ -200,22 +189,9 @@ def two_makes(known: str = "mightyzap+wck") -> set[str]:
 
 ALL: Final = frozenset(
     entry.code
-    for area in (
-        bits,
-        collisions,
-        crossings,
-        ends,
-        foreign,
-        held,
-        line,
-        masters,
-        motors,
-        outages,
-        rates,
-        rhythms,
-        streams,
-    )
-    for entry in area.FINDINGS
+    for part in (*PARTS, collisions, outages)
+    if part is not unknown  # `test_diagnosis_unknown_protocol` shows these
+    for entry in part.FINDINGS
 )
 
 
@@ -271,6 +247,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "near rate": lambda: as_other("rs30x", 128 / 115.2),
         "wrong lengths": lambda: codes(alone("rs30x", longer).diagnosed()),
         "no blocks": lambda: codes(without_blocks(never=True).diagnosed()),
+        "altered answers": lambda: codes(altered_answers().diagnosed()),
     }
 )
 
@@ -296,6 +273,7 @@ TOLD: Final = (
     ("clock-off", "fast clock", "twins"),
     ("first-byte-torn", "held driver", "early release"),
     ("last-byte-torn", "early release", "held driver"),
+    ("answers-torn-anywhere", "altered answers", "held driver"),
     ("answers-twice", "late twins", "early release"),
     ("second-answers-whole", "twins apart", "late twins"),
     ("several-answer-twice", "two that ask bare", "twins apart"),

@@ -227,6 +227,7 @@ WEIGHTS: Final = (
         ("goal-beyond-limits", 3.0, "goals outside the limits in the servo"),
         ("device-stroke-limit", 2.0, "the servo complains of its limits"),
         ("goal-jump", 0.5, "the way out of range is a jump"),
+        ("goals-in-turns", 0.5, "the way out of range is a jump, and back"),
         ("value-out-of-range", 0.8, "a number outside the manual's range"),
         ("device-outside-limits", 0.5, "it stands outside its limits"),
         *(

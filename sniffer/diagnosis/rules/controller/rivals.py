@@ -26,11 +26,14 @@ FINDINGS: Final = (
         "Goals of a servo jump there and back, again and again: two programs state them in turns.",
         "Two dozen goals and more, a quarter of all in that time, each of which is a hundredth of the range (of a "
         "second's way of the fastest servo, if less) or more from the one before it, and the next one is back to an eighth of that within 0.12 s: no joint goes "
-        "there meanwhile.",
+        "there meanwhile. Not where they are the same two places each time.",
         remedy=ONE_OF_THEM,
         settle=ONE_OF_THEM,
     ),
 )
+
+SAME: Final = 1 / 8
+"""Part of the way between them by which two places differ that are the same each time."""
 
 LEAST: Final = 24
 PART: Final = 0.25
@@ -47,7 +50,10 @@ def goals_in_turns(case: Case) -> Iterator[Finding]:
             back = case.ledger.goals_back.of(servo, goals.index)
             if back.n < max(LEAST, PART * back.of) or may_be_torn(case, back.n):
                 continue
-            size = float(np.median([abs(one.value - one.was) for one in back.kept])) / MILLI
+            pairs = np.sort([(one.value, one.was) for one in back.kept], axis=1)
+            size = float(np.median(pairs[:, 1] - pairs[:, 0])) / MILLI
+            if (np.ptp(pairs, axis=0) / MILLI <= SAME * size).all():
+                continue  # between two places one program sends it to and fro
             yield Finding(
                 "goals-in-turns",
                 servo,
