@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Mark, MarkKind, Severity
+from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Severity
 from sniffer.sources.sides import handed_over
 from tests.streams.members import example
 from tests.streams.mightyzap import packet
@@ -196,18 +194,6 @@ def test_stamps_in_order_are_no_clock_that_steps_back_whenever_what_was_sent_was
 
 def test_a_clock_that_steps_back_is_noted() -> None:
     assert "clock-step" in [a.code for a in anomalies(at(5000, READ + REPLY), at(10, READ + REPLY))]
-
-
-def test_writes_that_are_stamped_when_they_have_been_sent_are_no_clock_that_steps_back() -> None:
-    goals = packet(1, 0xF3, b"\x86\xff\x07") * 10
-    log = [(0, goals, 27), (27, goals, 1), (28, READ, 1)]  # the second was sent before its stamp
-    chunks = [
-        replace(
-            at(ms, sent, Direction.TX), marks=(Mark(MarkKind.SENT, 0, len(sent), open_ms * MS),)
-        )
-        for ms, sent, open_ms in log
-    ]
-    assert "clock-step" not in {a.code for a in anomalies(*chunks, at(29, REPLY, Direction.RX))}
 
 
 def test_every_device_name_a_protocol_can_report_stands_in_the_catalogue() -> None:
