@@ -55,3 +55,17 @@ def test_the_oftener_a_loop_waits_the_surer_it_is_told(part: float, *, lost: boo
 )
 def test_pauses_that_a_program_makes_by_plan_are_not_told(waits: Callable[[int], bool]) -> None:
     assert "waits-alike" not in codes(loop(waits).diagnosed())
+
+
+def test_pauses_behind_what_is_torn_are_time_outs_for_that() -> None:
+    rng = random.Random(3)
+    talk = Conversation("mightyzap")
+    for k in range(2400):
+        if rng.random() < 0.03:
+            asked = talk.tongue.ask(SERVOS[k % 3])
+            talk.say(asked[:3] + bytes([asked[3] ^ 1 << rng.randrange(8)]) + asked[4:])
+            talk.rest(108)
+        else:
+            talk.read(SERVOS[k % 3], 0.5)
+            talk.rest(8)
+    assert "waits-alike" not in codes(talk.diagnosed())

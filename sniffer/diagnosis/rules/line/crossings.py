@@ -131,7 +131,7 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and is_two(d, d.alike, known, shared)
     ]
-    if _are_altered(case, into):
+    if not answers and _are_altered(case, into):
         return
     every = sorted((*into, *answers), key=lambda d: d.at)
     requests = sum(d.turn == IN_REQUEST for d in torn)

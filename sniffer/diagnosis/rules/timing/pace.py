@@ -238,7 +238,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if not stalls:
         return
     order = case.once(Order)
-    damaged = _damaged_at(case)
+    damaged = damaged_at(case)
     kinds = case.ledger.exchanges.kinds
     before = np.bincount([p.next_kind for p in stalls], minlength=len(kinds))
     behind = np.bincount([p.kind for p in stalls], minlength=len(kinds))
@@ -248,7 +248,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         if before[p.next_kind] <= OFTEN * kinds.n[p.next_kind]
         and behind[p.kind] < max(ITS_STEP * kinds.n[p.kind], ITS_STEP_TIMES)
         and p.sure_ns >= LONGER * _usual_before(case, p.next_kind)
-        and not _explained(p, damaged, usual)
+        and not is_explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
     if not stalls or not _is_no_person(stalls) or _are_rests(stalls):
@@ -316,13 +316,13 @@ def _usual_before(case: Case, kind: int) -> int:
     return rests[rank] if rank < len(rests) else 0
 
 
-def _damaged_at(case: Case) -> I64:
-    rows = case.anomalies(*DAMAGE).t_ns
-    held = case.remarks(MarkKind.HELD).t_ns
-    return np.sort(np.concatenate([rows, held]))
+def damaged_at(case: Case) -> I64:
+    """Return when something was not understood, or read late."""
+    told = case.anomalies(*DAMAGE).t_ns, case.remarks(MarkKind.HELD).t_ns
+    return np.sort(np.concatenate(told))
 
 
-def _explained(pause: Pause, damaged: I64, usual: float) -> bool:
+def is_explained(pause: Pause, damaged: I64, usual: float) -> bool:
     """Tell whether something was not understood around a pause, or read late."""
     spare = max(STALL_NS, 2 * usual)
     first = np.searchsorted(damaged, pause.t_ns - spare)

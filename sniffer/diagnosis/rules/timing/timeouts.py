@@ -11,6 +11,7 @@ from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.cycles import ALIKE, LONGER, STALL_NS, is_by_hand
 from sniffer.diagnosis.evidence.order import Order
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.timing.pace import damaged_at, is_explained
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -70,7 +71,10 @@ def waits_alike(case: Case) -> Iterator[Finding]:
         return
     usual = rest.high
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
-    long = sorted((p for p in exchanges.pauses if p.sure_ns >= least), key=lambda p: p.t_ns)
+    damaged = damaged_at(case)
+    longer = (p for p in exchanges.pauses if p.sure_ns >= least)
+    # who is not understood, or not heard, is waited for in vain
+    long = [p for p in sorted(longer, key=lambda p: p.t_ns) if not is_explained(p, damaged, usual)]
     if not LEAST <= len(long) <= SELDOM * case.total("asked"):
         return
     middle = float(np.median([p.sure_ns for p in long]))
