@@ -23,7 +23,6 @@ EVEN: Final = 5.0
 REPEATS: Final = 0.15
 """Part of such sequences that come again in a conversation; in noise there is none."""
 
-
 VALUES: Final = 5
 """Bytes of the head that tell which request it is; behind it may stand other values."""
 
