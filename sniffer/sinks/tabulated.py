@@ -6,14 +6,13 @@ import math
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
 from sniffer.sinks.consoles import GLUE, glued
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
@@ -75,50 +74,17 @@ class Tabulated:
         """Tell whether a column that is not folded would leave no room for others."""
         return max((len(str(cell)) for cell in cells), default=0) > width // 2
 
-    def table(self, most: int | None, width: int) -> Table | Text:
+    def table(self, most: int | None, width: int) -> Table:
         """Return the first rows; where these have no room for names of servos they have ids."""
+        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, _apart(width)))
         bare = self.lacks_names(most, width)
-        rows: list[list[Text | str]] = [
+        named = {
+            k for row in self.rows[:most] for k, c in enumerate(row) if isinstance(c, ServoCell)
+        }
+        rows = [
             [c if not isinstance(c, ServoCell) else c.who if bare else str(c) for c in row]
             for row in self.rows[:most]
         ]
-        named = {
-            name
-            for row in self.rows[:most]
-            for name, cell in zip(self._columns, row, strict=False)
-            if isinstance(cell, ServoCell)
-        }
-        columns = zip_longest(self._columns, *rows, fillvalue="")
-        widest = [max(map(_length, column)) for column in columns]
-        if sum(widest) + _apart(width) * len(widest) <= width:
-            return self._in_lines(rows, widest, named, _apart(width))
-        return self._folded(rows, named, width)
-
-    def _in_lines(
-        self,
-        rows: Sequence[Sequence[Text | str]],
-        widest: Sequence[int],
-        named: Collection[str],
-        apart: int,
-    ) -> Text:
-        """Return rows that all have room as one text: Rich takes ten times as long for cells."""
-        out = Text(no_wrap=True, overflow="ignore")
-        left = {*self._left, *self._whole, *named}
-        headings = [Text(name, style="table.header") for name in self._columns]
-        for row in (headings, *rows):
-            out.append("\n" if out else "")
-            for name, cell, most in zip(self._columns, row, widest, strict=False):
-                blanks = " " * (most - _length(cell))
-                out.append(" " * apart if name in left else " " * apart + blanks)
-                out.append(cell)
-                out.append(blanks if name in left else "")
-        return out
-
-    def _folded(
-        self, rows: Sequence[Sequence[Text | str]], named: Collection[str], width: int
-    ) -> Table:
-        """Return rows some words of which have to be folded."""
-        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, _apart(width)))
         is_roomy = self._has_room(rows, width)
         if not is_roomy:  # better between a number and its unit than within one of them
             rows = [[c.replace(GLUE, " ") if isinstance(c, str) else c for c in r] for r in rows]
@@ -129,18 +95,13 @@ class Tabulated:
                 out.add_column(column, overflow="fold", min_width=least)
             elif column in self._whole and self._is_crowding([r[k] for r in rows], width):
                 out.add_column(column, overflow="fold", max_width=width // 2)
-            elif column in self._whole or column in named:
+            elif column in self._whole or k in named:
                 out.add_column(column, no_wrap=True)
             else:
                 out.add_column(column, justify="right", no_wrap=True)
         for row in rows:
             out.add_row(*row)
         return out
-
-
-def _length(cell: Text | str) -> int:
-    """Return how many columns of a screen a cell takes."""
-    return cell.cell_len if isinstance(cell, Text) else cell_len(cell)
 
 
 def _apart(width: int) -> int:
