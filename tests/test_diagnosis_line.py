@@ -29,7 +29,8 @@ from bench.diagnosis.troubles import (
     StuckLine,
 )
 from bench.diagnosis.uart import Clash, Receiver
-from sniffer.diagnosis.rules.line import PARTS, unknown
+from sniffer.diagnosis.rules import AREA_OF
+from sniffer.diagnosis.rules.line import unknown
 from sniffer.diagnosis.rules.pairing import collisions, outages
 from tests import servos
 from tests.conversations import Conversation, robot
@@ -188,10 +189,9 @@ def two_makes(known: str = "mightyzap+wck") -> set[str]:
 
 
 ALL: Final = frozenset(
-    entry.code
-    for part in (*PARTS, collisions, outages)
-    if part is not unknown  # `test_diagnosis_unknown_protocol` shows these
-    for entry in part.FINDINGS
+    {code for code, area in AREA_OF.items() if area == "line"}
+    - {entry.code for entry in unknown.FINDINGS}  # `test_diagnosis_unknown_protocol` shows these
+    | {entry.code for part in (collisions, outages) for entry in part.FINDINGS}
 )
 
 

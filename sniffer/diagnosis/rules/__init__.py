@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol, cast
 
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.evidence.passing import without_passed
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.rules import controller, device, line, pairing, symptoms, tap, timing
+from sniffer.diagnosis.rules import symptoms
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.catalogue import FindingCode
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-AREAS: Final = MappingProxyType(
-    {
-        "tap": tap.PARTS,
-        "line": line.PARTS,
-        "pairing": pairing.PARTS,
-        "timing": timing.PARTS,
-        "device": device.PARTS,
-        "controller": controller.PARTS,
-    }
+
+class Part(Protocol):
+    """A file of rules: what they find, and the rules."""
+
+    FINDINGS: Sequence[FindingCode]
+    RULES: Sequence[Rule]
+
+
+def _parts(area: str) -> tuple[Part, ...]:
+    """Return the files in an area's folder, in order of their names."""
+    package = importlib.import_module(f"{__name__}.{area}")
+    names = sorted(file.name for file in pkgutil.iter_modules(package.__path__))
+    return tuple(
+        cast("Part", importlib.import_module(f"{package.__name__}.{name}")) for name in names
+    )
+
+
+AREAS: Final[Mapping[str, tuple[Part, ...]]] = MappingProxyType(
+    {area: _parts(area) for area in ("tap", "line", "pairing", "timing", "device", "controller")}
 )
-"""What rules are about, each a folder, and the parts of it."""
+"""What rules are about, each a folder, and the files in it."""
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for parts in AREAS.values() for part in parts for rule in part.RULES),
