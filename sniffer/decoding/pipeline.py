@@ -358,8 +358,8 @@ class Pipeline:
 
     def _decoder(self, bus: str, protocols: Sequence[BusProtocol]) -> Decoder | MixedDecoder:
         models, told = self._options.models, self.paces[bus]
-        known = {m.model for p in protocols for m in p.models}
         if self._live:  # they were named for all buses, which may speak different protocols
+            known = {m.model for p in protocols for m in p.models}
             models = {servo: model for servo, model in models.items() if model in known}
         return decoder_of(
             protocols,

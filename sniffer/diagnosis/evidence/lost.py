@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.evidence.jumping import altered
+from sniffer.diagnosis.evidence.parts import part_of
 from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
@@ -89,10 +90,10 @@ class LostAnswers:
         Moments that come at any time lie in the middle of it on average, give or take what chance
         leaves: the more there are, the less.
         """
-        edges = np.linspace(first_ns, last_ns + 1, QUARTERS + 1)
         place = (self.times - first_ns) / max(last_ns - first_ns, 1)
         beyond = (place.mean() - 0.5) * (12 * len(place)) ** 0.5 if len(place) else 0.0
-        counts = np.histogram(self.times, edges)[0].tolist()
+        part = part_of(self.times, first_ns, last_ns, QUARTERS)
+        counts = np.bincount(part, minlength=QUARTERS).tolist()
         return tuple(counts) if beyond > DEVIATIONS else ()
 
     def within(self, times: I64) -> float:

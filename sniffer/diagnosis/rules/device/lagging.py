@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.parts import part_of
 from sniffer.diagnosis.evidence.tracks import in_force, track
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.evidence.tracks import JointTrack
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import F64, I64
+    from sniffer.ground.model import F64
 
 FINDINGS: Final = (
     FindingCode(
@@ -86,22 +86,15 @@ def _lag(joint: JointTrack) -> _Lag | None:
         return None
     low, high = in_force(g, p.t, p.t)
     away = np.nan_to_num(np.maximum(np.maximum(low - p.last, p.last - high), 0.0))
-    edges = np.linspace(int(p.t[0]), int(p.t[-1]) + 1, PARTS + 1)
-    row, told = _parts(p.t, edges), _parts(g.t, edges)
+    first, last = int(p.t[0]), int(p.t[-1])
+    row, told = (part_of(t, first, last, PARTS) for t in (p.t, g.t))
     if np.bincount(row, minlength=PARTS).min() < ROWS:
         return None
-    seconds = float(edges[1] - edges[0]) / NS
-    pace = np.array([g.step[told == k].sum() / seconds for k in range(PARTS)])
+    pace = np.array([g.step[told == k].sum() for k in range(PARTS)])
     if pace.min() <= 0 or pace.max() > EVENLY * pace.min():
         return None
     parts = np.array([np.quantile(away[row == k], MOST) for k in range(PARTS)])
     return _Lag(joint, parts, int(np.argmax(np.where(row == PARTS - 1, away, -1.0))))
-
-
-def _parts(t: I64, edges: F64) -> I64:
-    """Return in which part of the time each moment lies."""
-    found: I64 = np.clip(np.searchsorted(edges, t, "right") - 1, 0, PARTS - 1)
-    return found
 
 
 def _rises(lag: _Lag) -> bool:
