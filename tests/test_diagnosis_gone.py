@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.conversations import Conversation, swinging
-from tests.diagnosed import alarms, codes, found, verdicts
+from tests.diagnosed import codes, found, verdicts
 
 SERVOS = tuple(range(1, 9))
 
@@ -59,25 +59,3 @@ def test_two_that_go_at_one_moment_may_do_so_by_chance() -> None:
     looped(talk, 0.4, SERVOS[:2])
     looped(talk, 6)
     assert "several-away-at-once" not in codes(talk.diagnosed())
-
-
-def test_a_program_that_waits_behind_a_goal_that_is_far_away_waits_for_its_joint() -> None:
-    """Each joint is sent to its stop in small steps, then far away and back, with a look behind."""
-    talk = Conversation("lss")
-    for servo in SERVOS[:6]:
-        for k in range(40):
-            place = 0.5 - k / 100
-            talk.send(servo, place)
-            talk.rest(25)
-            talk.read(servo, place)
-            talk.rest(5)
-        for place, wait_ms in ((0.2, 500), (0.5, 600)):
-            talk.send(servo, place)
-            talk.rest(wait_ms)
-            talk.read(servo, place)
-    for _ in range(200):
-        for servo in SERVOS[:6]:
-            talk.send(servo, swinging(servo, talk.now_s))
-            talk.read(servo, swinging(servo, talk.now_s))
-        talk.rest(20)
-    assert not alarms(talk.diagnosed())
