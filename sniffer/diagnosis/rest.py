@@ -33,6 +33,9 @@ EVERYBODY: Final = None
 START: Final = "capture-start"
 """What stands before the first frame."""
 
+RARE: Final = 0.2
+"""Part of its answers beyond which a servo that answers the rest is looked at by itself."""
+
 FEW: Final = 0.01
 """Part of its answers that a sound servo's line may lose without a cause that could be told."""
 
@@ -142,7 +145,7 @@ def rest_of(cases: Sequence[Case], incidents: Sequence[Incident]) -> Rest:
     is_one_bus = len(cases) == 1
     return Rest(
         ", ".join(part.words for part in told),
-        _doing(case, most.count, most.code),
+        _doing(case, most),
         place if is_one_bus else f"{case.bus}:{place}",
         most.code if is_one_bus and not _explained(most.code, incidents) else "",
         parts=tuple(told),
@@ -172,17 +175,19 @@ def _is_unread(case: Case, incidents: Iterable[Incident]) -> bool:
     return bool(heard) and all(i.bus != case.bus for i in incidents)
 
 
-def _doing(case: Case, n: int, code: str) -> str:
+def _doing(case: Case, part: Unexplained) -> str:
     """Return what to do about the code that came most often, on the bus where it did."""
-    if code == START:
+    if part.code == START:
         return "Look whether this protocol is spoken there, and by which baud rate it was heard."
-    asked = sum(case.total("asked", servo) for servo in case.answering)
-    if code != MISSING or n > FEW * asked:
-        return CATALOGUE[code].remedy
+    theirs = sum(case.total("asked", servo) for servo in set(case.answering) & {*part.servo_ids})
+    if part.code != MISSING or part.count > RARE * theirs:
+        return CATALOGUE[part.code].remedy
     # who answers all the rest is there, at this rate, and is set to answer
-    lost = f"{n} of {asked} answers {'is' if n == 1 else 'are'} lost"
+    asked = sum(case.total("asked", servo) for servo in case.answering)
+    lost = f"{part.count} of {asked} answers {'is' if part.count == 1 else 'are'} lost"
+    why = "too few to tell why" if part.count <= FEW * asked else "and nothing tells why"
     return (
-        f"{lost}, too few to tell why: record for longer, and move the cables by hand meanwhile; "
+        f"{lost}, {why}: record for longer, and move the cables by hand meanwhile; "
         "losses that follow the hand are a contact's."
     )
 
