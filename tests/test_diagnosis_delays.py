@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.conversations import Conversation
+from sniffer.ground.model import NS
+from tests.conversations import T0, Conversation
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import rs30x
 
@@ -12,15 +13,25 @@ DELAY_AT = 0x07
 """Return Delay of RS30x: 100 us, and 50 us for each step."""
 
 
-def polled(told: int | None, late_ms: float) -> Conversation:
-    """Poll two servos; the first answers later from half of it on, told so or not."""
+def polled(
+    told: int | None, late_ms: float, *, states: int | None = None, late_from: int = 200
+) -> Conversation:
+    """Poll two servos; the first answers later from some round of 400 on, told so or not.
+
+    Or it is asked for its delay before.
+    """
     talk = Conversation("rs30x")
+    if states is not None:
+        talk.say(rs30x.packet(1, 0x0F, DELAY_AT, 1, 0))
+        talk.rest(0.2)
+        talk.say(rs30x.returned(1, DELAY_AT, bytes([states])))
+        talk.rest(1)
     for k in range(400):
-        if k == 200 and told is not None:
+        if k == late_from and told is not None:
             talk.write(rs30x.write(1, DELAY_AT, bytes([told])))
         for servo in (1, 2):
             talk.say(talk.tongue.ask(servo))
-            talk.rest(late_ms if servo == 1 and k >= 200 else 0.2)
+            talk.rest(late_ms if servo == 1 and k >= late_from else 0.2)
             talk.say(talk.tongue.answer(servo, 0.5))
             talk.rest(1)
     return talk
@@ -51,3 +62,11 @@ def test_who_is_called_slow_is_shown_by_the_request_of_a_slow_answer() -> None:
     (place,) = slow.places
     assert data[place.offset : place.offset + place.length] == talk.tongue.ask(1)
     assert place.offset >= len(data) // 2
+
+
+def test_a_servo_that_becomes_slower_than_its_delay_is_so_since_its_first_late_answer() -> None:
+    talk = polled(None, 6.6, states=0, late_from=100)
+    told = talk.diagnosed()
+    (slow,) = (f for f in found(told) if f.code == "slower-than-its-delay")
+    (incident,) = told.incidents()
+    assert incident.first_ns == slow.first_ns >= T0 + NS // 2

@@ -192,15 +192,7 @@ def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     worst = max(several, key=lambda s: s.slow)
     delay = _delay(case, servo)
-    rows = np.flatnonzero(
-        (case.answers["servo_id"] == servo) & (case.answers["took_max"] > worst.too_long_ns)
-    )
-    a = case.answers
-    first, last = (
-        (int(a["t_first"][rows[0]]), int(a["t_last"][rows[-1]]))
-        if len(rows)
-        else (case.first_ns, case.last_ns)
-    )
+    first, last = _late_within(case, servo, worst.too_long_ns)
     come = "end" if worst.ends else "come"
     middle = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least"
     usual = middle if worst.usual_ns > worst.peers_ns else ""  # else stamps hide how late it is
@@ -234,6 +226,15 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     )
 
 
+def _late_within(case: Case, servo: int, too_long_ns: int) -> tuple[int, int]:
+    """Return from when to when answers of a servo come surely later than a time."""
+    a = case.answers
+    rows = np.flatnonzero((a["servo_id"] == servo) & (a["took_max"] > too_long_ns))
+    if not len(rows):
+        return case.first_ns, case.last_ns
+    return int(a["t_first"][rows[0]]), int(a["t_last"][rows[-1]])
+
+
 def beyond_delay(case: Case) -> Iterator[Finding]:
     """Servos slower than their own delay register, where that is in microseconds."""
     if not case.has_clock:
@@ -248,12 +249,12 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
         usual = None if key is None else took.at(key, 0.5)
         if key is None or usual is None or took.count(key) < LEAST:
             continue
-        if usual.low > delay.ns + BEYOND_NS:
+        too_long_ns = delay.ns + BEYOND_NS
+        if usual.low > too_long_ns:
             yield Finding(
                 "slower-than-its-delay",
                 servo,
-                case.first_ns,
-                case.last_ns,
+                *_late_within(case, servo, too_long_ns),
                 took.count(key),
                 f"servo {servo} takes at least {usual.low / 1e6:.2f} ms to answer in the middle; "
                 f"its delay register says {delay.ns / 1e6:.2f} ms",
