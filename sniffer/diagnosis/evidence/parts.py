@@ -1,16 +1,36 @@
-"""In which of several equal parts of the time something was: what grows is told part by part."""
+"""In which of several equal parts of the time something was: what grows is told part by part.
+
+Quantities of a bus go on as they were for a while, so that a line through them rises by chance. What
+grows from part to part is another matter, however it comes about: what changes once, as a program that
+does something else, is one step, or two where it does so within a part.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import F64, I64
+
+MOSTLY: Final = 0.75
+"""Part of the steps from one part to the next that rise where something grows."""
 
 
 def part_of(t_ns: I64, first_ns: int, last_ns: int, count: int) -> I64:
     """Return the number of the part that each moment is in; one outside is in the nearest."""
     found: I64 = (t_ns - first_ns) * count // max(last_ns + 1 - first_ns, 1)
     return np.clip(found, 0, count - 1)
+
+
+def grows(parts: F64, rise: float, least: float) -> bool:
+    """Tell whether a quantity grows from part to part of the time.
+
+    Args:
+        parts: what it is in each of them, in order.
+        rise: by which part of what it was before most steps rise, and none falls.
+        least: a quantity below that is as good as none: what rises is held against that then.
+    """
+    steps = np.diff(parts) / np.maximum(parts[:-1], least)
+    return bool((steps >= rise).mean() >= MOSTLY and (steps >= -rise).all())
