@@ -1,8 +1,8 @@
 """In which of several equal parts of the time something was: what grows is told part by part.
 
-Quantities of a bus go on as they were for a while, so that a line through them rises by chance. What
-grows from part to part is another matter, however it comes about: what changes once, as a program that
-does something else, is one step, or two where it does so within a part.
+Quantities of a bus go on as they were for a while, so that a line through them rises by chance.
+What grows from part to part does not; what changes once, as a program that does something else, is
+one step, or two where it does so within a part.
 """
 
 from __future__ import annotations
