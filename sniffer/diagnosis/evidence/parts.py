@@ -17,6 +17,15 @@ if TYPE_CHECKING:
 MOSTLY: Final = 0.75
 """Part of the steps from one part to the next that rise where something grows."""
 
+QUARTERS: Final = 4
+DEVIATIONS: Final = 4.0
+"""How far beyond chance what becomes more lies behind the middle of the time."""
+
+STRETCHES: Final = 20
+HELD: Final = 4
+"""In so many of so many stretches of the time, at least, is what becomes more: a bad while is in few,
+however much it holds."""
+
 
 def part_of(t_ns: I64, first_ns: int, last_ns: int, count: int) -> I64:
     """Return the number of the part that each moment is in; one outside is in the nearest."""
@@ -34,3 +43,19 @@ def grows(parts: F64, rise: float, least: float) -> bool:
     """
     steps = np.diff(parts) / np.maximum(parts[:-1], least)
     return bool((steps >= rise).mean() >= MOSTLY and (steps >= -rise).all())
+
+
+def more_and_more(times: I64, first_ns: int, last_ns: int) -> tuple[int, ...]:
+    """Return how many of some moments lie in each quarter of a time where these become more.
+
+    Moments that come at any time lie in the middle of it on average, give or take what chance
+    leaves: the more there are, the less. Nothing is returned where they do not become more.
+    """
+    if not len(times):
+        return ()
+    place = (times - first_ns) / max(last_ns - first_ns, 1)
+    beyond = (place.mean() - 0.5) * (12 * len(place)) ** 0.5
+    held = len(np.unique(part_of(times, first_ns, last_ns, STRETCHES)))
+    counts = np.bincount(part_of(times, first_ns, last_ns, QUARTERS), minlength=QUARTERS).tolist()
+    is_more = beyond > DEVIATIONS and held >= HELD and counts[-1] == max(counts)
+    return tuple(counts) if is_more else ()
