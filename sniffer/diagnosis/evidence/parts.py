@@ -23,8 +23,8 @@ DEVIATIONS: Final = 4.0
 
 STRETCHES: Final = 20
 HELD: Final = 4
-"""In so many of so many stretches of the time, at least, is what becomes more: a bad while is in few,
-however much it holds."""
+"""In so many of so many stretches of the time, at least, is what becomes more: a bad while is in
+few, however much it holds."""
 
 
 def part_of(t_ns: I64, first_ns: int, last_ns: int, count: int) -> I64:
