@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 
 import pytest
 
-from tests.conversations import Conversation, swinging
-from tests.diagnosed import codes, found
+from tests.conversations import BAUD, Conversation, robot, swinging
+from tests.diagnosed import codes, diagnosed, found, verdicts
 
 
 @pytest.mark.parametrize("gets_worse", [False, True])
@@ -33,12 +34,19 @@ def test_a_servo_that_loses_more_and_more_answers_is_told_so_by_quarters(
     assert (lost.brief == "servo 2 loses more and more answers") == gets_worse
 
 
-@pytest.mark.parametrize("ends", [False, True])
-def test_a_bad_while_late_in_the_time_is_not_more_and_more(*, ends: bool) -> None:
+@pytest.mark.parametrize(
+    "bad",
+    [
+        pytest.param([range(1400, 1500)], id="the end"),
+        pytest.param([range(1000, 1250)], id="it is over"),
+        pytest.param([range(k, k + 20) for k in (700, 1000, 1300, 1400)], id="clusters"),
+    ],
+)
+def test_bad_whiles_late_in_the_time_are_not_more_and_more(bad: list[range]) -> None:
     rng = random.Random(5)
     talk = Conversation("mightyzap")
     for k in range(1500):
-        is_bad = (1000 < k < 1250 if ends else 1400 < k < 1500) and rng.random() < 0.5
+        is_bad = any(k in some for some in bad) and rng.random() < 0.5
         for servo in (1, 2, 3):
             if servo == 2 and is_bad:
                 talk.ask_in_vain(servo)
@@ -65,3 +73,21 @@ def test_what_gets_worse_is_a_contact_and_no_clock_that_is_off() -> None:
         talk.rest(40)
     (incident,) = talk.diagnosed().incidents()
     assert (incident.cause, incident.servo_ids) == ("bad-cable", (3,))
+
+
+@pytest.mark.parametrize("gets_worse", [False, True])
+def test_a_line_on_which_more_and_more_is_damaged_is_told_so_by_quarters(
+    *, gets_worse: bool
+) -> None:
+    rng = random.Random(3)
+    chunks = robot("mightyzap", 40).chunks
+    for k, chunk in enumerate(chunks):
+        if rng.random() < 0.02 * (k / len(chunks) if gets_worse else 0.5):
+            place = rng.randrange(len(chunk.data))
+            data = bytearray(chunk.data)
+            data[place] ^= 1 << rng.randrange(8)
+            chunks[k] = replace(chunk, data=bytes(data))
+    told = diagnosed(chunks, "mightyzap", baud=BAUD)
+    assert verdicts(told.incidents())[0] == ("bus-noise", ())
+    (damage,) = (f for f in found(told) if f.code == "damage-everywhere")
+    assert ("; more and more: " in damage.what) == gets_worse

@@ -18,13 +18,12 @@ MOSTLY: Final = 0.75
 """Part of the steps from one part to the next that rise where something grows."""
 
 QUARTERS: Final = 4
-DEVIATIONS: Final = 4.0
-"""How far beyond chance what becomes more lies behind the middle of the time."""
-
 STRETCHES: Final = 20
-HELD: Final = 4
-"""In so many of so many stretches of the time, at least, is what becomes more: a bad while is in
-few, however much it holds."""
+IN_ORDER: Final = 0.8
+"""In how many stretches of the time moments are counted, and from which correlation of the ranks
+of these counts with the time on they become more. Moments come in clusters, so that single ones
+tell nothing; a bad while of a quarter of the time, with none before and behind, has 0.75 at most.
+"""
 
 
 def part_of(t_ns: I64, first_ns: int, last_ns: int, count: int) -> I64:
@@ -48,14 +47,18 @@ def grows(parts: F64, rise: float, least: float) -> bool:
 def more_and_more(times: I64, first_ns: int, last_ns: int) -> tuple[int, ...]:
     """Return how many of some moments lie in each quarter of a time where these become more.
 
-    Moments that come at any time lie in the middle of it on average, give or take what chance
-    leaves: the more there are, the less. Nothing is returned where they do not become more.
+    Nothing is returned where they do not, or where the last quarter does not have the most.
     """
-    if not len(times):
+    stretch = np.bincount(part_of(times, first_ns, last_ns, STRETCHES), minlength=STRETCHES)
+    counts = stretch.reshape(QUARTERS, -1).sum(axis=1).tolist()
+    if counts[-1] != max(counts) or not stretch.std():
         return ()
-    place = (times - first_ns) / max(last_ns - first_ns, 1)
-    beyond = (place.mean() - 0.5) * (12 * len(place)) ** 0.5
-    held = len(np.unique(part_of(times, first_ns, last_ns, STRETCHES)))
-    counts = np.bincount(part_of(times, first_ns, last_ns, QUARTERS), minlength=QUARTERS).tolist()
-    is_more = beyond > DEVIATIONS and held >= HELD and counts[-1] == max(counts)
-    return tuple(counts) if is_more else ()
+    in_order = np.corrcoef(_ranks(stretch), np.arange(STRETCHES))[0, 1]
+    return tuple(counts) if in_order >= IN_ORDER else ()
+
+
+def _ranks(counts: I64) -> F64:
+    """Return the rank of each count; equal ones have the middle of theirs."""
+    _, which, many = np.unique(counts, return_inverse=True, return_counts=True)
+    ranks: F64 = (np.cumsum(many) - (many - 1) / 2)[which]
+    return ranks

@@ -35,7 +35,7 @@ FINDINGS: Final = (
     FindingCode(
         "lost-more-and-more",
         "A servo that loses answers now and then loses more and more of them.",
-        "As `comes-and-goes`; the moments lie further behind the middle of the time than four standard deviations of chance, in four of twenty parts of it or more, and the last quarter has the most.",
+        "As `comes-and-goes`; how many are lost in each of twenty parts of the time goes with the time (a correlation of ranks of 0.8), and the last quarter has the most.",
         is_manner=True,
     ),
     FindingCode(
