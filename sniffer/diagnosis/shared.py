@@ -24,7 +24,9 @@ GROUND: Final = "ground, and what starts beside them"
 
 SHARES: Final[Mapping[str, str]] = MappingProxyType(
     dict.fromkeys(("brownout", "servo-reset-loop", "torque-off", "servo-dead"), SUPPLY)
-    | dict.fromkeys(("controller-stall", "controller-jitter", "tap-loss"), PROGRAM)
+    | dict.fromkeys(
+        ("controller-stall", "controller-jitter", "controller-slows", "tap-loss"), PROGRAM
+    )
     | dict.fromkeys(("bus-noise", "emi-load", "signal-integrity", "line-stuck"), GROUND)
 )
 """What buses share that strikes them all at once, by cause; others are of one bus, whatever began
