@@ -134,6 +134,25 @@ def test_two_buses_that_are_the_wires_of_one_line_are_told_so(
     assert told(capsys, bus).startswith("nothing is wrong")
 
 
+def test_two_files_that_are_the_wires_of_one_line_are_told_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Each was said to be half of a conversation, and which command joins them was not."""
+    paths = []
+    for name, kind in (("my ctl.log", "request"), ("srv.log", "response")):
+        frames = [f for f in simulate("mightyzap", seed=1, duration_s=12) if f.kind == kind]
+        paths.append(beside(tmp_path / name, candump(frame_reads(frames), "bus0").splitlines()))
+    for format_ in ("text", "json"):
+        done = within(capsys, "diagnose", *paths, "--format", format_)
+        first, second = (str(path) for path in paths)
+        assert f"What is asked in {first} is answered in {second}, by the same" in done.err
+        assert f"`sniffer merge '{first}' {second} --pair -o bus.mcap` makes them one" in done.err
+    assert "is answered in" not in within(capsys, "diagnose", paths[0], paths[0]).err
+    refused = within(capsys, "decode", *paths)
+    assert refused.status == 2
+    assert "`sniffer merge --pair`" in refused.err
+
+
 def test_which_wires_belong_together_is_not_guessed_where_arms_have_servos_of_the_same_ids(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -13,7 +13,7 @@ from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger.ledger import Ledger
 from sniffer.diagnosis.ledger.withheld import with_withheld
 from sniffer.diagnosis.rest import rest_of
-from sniffer.diagnosis.shared import shared
+from sniffer.diagnosis.shared import one_way, shared
 from sniffer.ground.amounts import lasting
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.wording import counted
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
-    from sniffer.diagnosis.shared import Shared
+    from sniffer.diagnosis.shared import OneWay, Shared
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -135,6 +135,10 @@ class Diagnosis:
     def shared(self, incidents: Sequence[Incident]) -> tuple[Shared, ...]:
         """Return which incidents of several buses are likely one fault each."""
         return shared(incidents, self.cases())
+
+    def one_way(self, incidents: Sequence[Incident]) -> tuple[OneWay, ...]:
+        """Return the buses of which one direction is heard."""
+        return one_way(incidents, self.cases())
 
     def rest(self, incidents: Sequence[Incident]) -> Rest:
         """Return the warnings and errors that no incident has, in words, and what to do next."""
