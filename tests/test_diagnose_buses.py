@@ -206,6 +206,19 @@ def test_the_verdict_of_a_report_names_the_bus(
     assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
 
 
+@pytest.mark.parametrize("seconds", [2, 7])
+def test_what_came_behind_the_last_frame_is_told_beside_how_long_frames_were_heard(
+    seconds: int, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Of 10 s of which the last 7 were torn it said 2.8 s."""
+    frames = list(simulate("mightyzap", seed=1, duration_s=3))
+    lines = candump(frame_reads(frames), "bus0").splitlines()
+    last = float(lines[-1][1:].partition(")")[0])
+    torn = [f"({last + k / 10:.6f}) bus0 #{k * 37 % 251:02X}A5" for k in range(1, 10 * seconds + 1)]
+    words = told(capsys, beside(tmp_path / "a.log", [*lines, *torn]))
+    assert ("then bytes of no frame for 7 s" in words) == (seconds == 7)
+
+
 def test_a_bus_that_says_nothing_more_while_others_go_on_is_told(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

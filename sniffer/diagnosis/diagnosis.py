@@ -33,7 +33,8 @@ TELLING_NS: Final = NS // 5000
 """Digits that a log does not have make its stamps worse by more than that, or are not told."""
 
 QUIET_NS: Final = 5 * NS
-"""So much sooner than the others a bus has ended that something ended it; a shutdown takes less."""
+"""So much sooner than the others a bus has ended, or its frames than its bytes, that something ended
+them; a shutdown takes less."""
 
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
@@ -170,7 +171,7 @@ class Diagnosis:
                 told += f" ({counted(in_vain, 'id')} asked in vain)"
             parts.append(
                 f"{judged['bus']}: {counted(judged['frames'], judged['protocol'] + ' frame')} of "
-                f"{told} {over}{_then_nothing(case, until_ns)}"
+                f"{told} {over}{_then_torn(case)}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
 
@@ -179,6 +180,12 @@ def _asked_in_vain(case: Case) -> list[int]:
     """Return the ids that were asked for answers and never gave one, where others did."""
     silent = [i for i in case.servos if i not in case.answering and case.total("missing", i)]
     return silent if case.answering else []
+
+
+def _then_torn(case: Case) -> str:
+    """Say that bytes came for long behind the last frame: the time of frames is not all of it."""
+    torn_ns = _heard_until_ns(case) - case.last_ns if case.has_clock else 0
+    return f", then bytes of no frame for {torn_ns / NS:.0f} s" if torn_ns >= QUIET_NS else ""
 
 
 def _then_nothing(case: Case, until_ns: int) -> str:
