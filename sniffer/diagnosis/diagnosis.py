@@ -33,8 +33,8 @@ TELLING_NS: Final = NS // 5000
 """Digits that a log does not have make its stamps worse by more than that, or are not told."""
 
 QUIET_NS: Final = 5 * NS
-"""So much sooner than the others a bus has ended, or its frames than its bytes, that something ended
-them; a shutdown takes less."""
+"""So much sooner than the others a bus has ended, or its frames than its bytes, that something
+ended them; a shutdown takes less."""
 
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
