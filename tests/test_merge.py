@@ -97,6 +97,17 @@ def test_clocks_are_told_from_what_two_taps_of_one_bus_heard(
     assert heard == [c.t_ns for c in got if c.bus == "b"]
 
 
+def test_a_clock_offset_that_is_given_is_not_looked_for_and_that_is_told(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """It was left out without a word: the times were by the offset off, and looked aligned."""
+    a, b = (lines(tmp_path / f"{name}.log", moved(TALK, 0)) for name in "ab")
+    out = tmp_path / "x.log"
+    ran = within(capsys, "merge", a, b, "--align", "--offset", "b=1s", "-o", out)
+    assert ran.status == 0
+    assert f"{b}: +1.000000 s to its times, as was told: nothing was looked for\n" in ran.err
+
+
 @settings(max_examples=15)
 @given(
     shift=st.integers(-(10**15), 10**15),

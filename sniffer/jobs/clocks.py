@@ -88,6 +88,8 @@ def align_taps(inputs: Sequence[Input], given: set[str], tell: Teller) -> None:
     base = inputs[0]
     for one in inputs[1:]:
         if one.path in given:
+            by = f"{one.shift_ns / NS:+.6f} s to its times, as was told"
+            tell.talk(f"{one.path}: {by}: nothing was looked for")
             continue
         found = aligned(_head(base), _head(one), byte_ns=(_byte_ns(base), _byte_ns(one)))
         if found is None:
