@@ -143,3 +143,8 @@ def _filled(
 def counted(n: int, what: str) -> str:
     """Return a number with its noun."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def between(low: object, high: object, told: str) -> str:
+    """Return a range, or ``told``, how the higher end is told, where both ends are the same."""
+    return told if str(low) == str(high) else f"{low} to {told}"

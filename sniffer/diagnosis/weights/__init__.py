@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, identity, line, proven, tap, wire
+from sniffer.diagnosis.weights import controller, device, identity, line, outage, proven, tap, wire
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -21,6 +21,7 @@ _AREAS: Final = (
     *device.WEIGHTS,
     *identity.WEIGHTS,
     *controller.WEIGHTS,
+    *outage.WEIGHTS,
     *proven.WEIGHTS,
 )
 """All lines of all areas; none stands in two."""

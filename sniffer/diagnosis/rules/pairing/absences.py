@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.evidence.tracks import track
 from sniffer.ground.model import NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -243,7 +244,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         runs = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
         joint = track(case, servo)
-        if len(runs) < 2 or joint is None:
+        if not runs or joint is None:
             continue
         mine = case.registers_of(servo, "torque_enable")
         if not mine or mine[0].default != 0:
@@ -268,8 +269,8 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             "torque-survives",
             servo,
             runs,
-            f"servo {servo} follows its goals after {len(runs)} silences, and its torque was "
-            f"written {writes} times",
+            f"servo {servo} follows its goals after {counted(len(runs), 'silence')}, and its torque was "
+            + (f"written {counted(writes, 'time')}" if writes else "not written meanwhile"),
             # who switches it on when it is back may do so behind some of the silences only
             1.0 if w["t_last"][to_it].max(initial=0) <= back else 1.0 - writes / len(runs),
         )

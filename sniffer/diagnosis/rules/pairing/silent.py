@@ -9,13 +9,21 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
-from sniffer.diagnosis.evidence.questions import is_one_question
+from sniffer.diagnosis.evidence.outages import (
+    AGAIN,
+    CHANCE,
+    ending,
+    is_for_good,
+    outages,
+    seldom_away,
+)
 from sniffer.diagnosis.evidence.told import told_to_start
+from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import between, counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +42,7 @@ FINDINGS: Final = (
     FindingCode(
         "silent-since",
         "A servo answered until one moment, and not once since.",
-        "Answers before, and at least five requests in a row without one until the end.",
+        "Answers before, and at least five requests in a row without one until the end, or three in three seconds; fewer where it was hardly ever away before, and others were not. It counts the less the shorter that is.",
     ),
     FindingCode(
         "away-for-a-while",
@@ -68,15 +76,6 @@ FINDINGS: Final = (
 
 LOOKS: Final = 3
 """Quarters of a second in which an id is asked for that is not just looked for."""
-
-TOGETHER: Final = 4
-"""So many times fewer stretches of losses than single ones make are no chance, however much is lost."""
-
-AGAIN: Final = 3
-"""Silences that are a habit."""
-
-CHANCE: Final = 3.0
-"""So many times as often as chance would have it, requests in a row are lost for a reason."""
 
 SWEEP: Final = 5
 """Ids without a servo, asked about alike: somebody looks who is there."""
@@ -179,24 +178,8 @@ def _is_misread(case: Case, servo: int) -> bool:
 def silences(case: Case) -> Iterator[Finding]:
     """Servos that answered and stopped: for ever, for a while, or now and then."""
     for servo in case.answering:
-        spells = case.ledger.silences.of(servo)
-        for s in spells:
-            if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
-                took = f" in {(case.last_ns - s.first_ns) / NS:.3g} s" if case.has_clock else ""
-                ordered = told_to_start(case, servo, [s])
-                yield Finding(
-                    "silent-since",
-                    servo,
-                    s.first_ns,
-                    case.last_ns,
-                    s.missed,
-                    f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
-                    f"{counted(s.missed, 'request')}{took}"
-                    + ("; it was told to start anew just before" if ordered else ""),
-                    (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
-                    brief=f"servo {servo} silent to the end",
-                )
-        away = _outages(case, servo)
+        yield from _to_the_end(case, servo)
+        away = outages(case, servo)
         if away:
             yield _away(case, servo, away)
             if len(away) >= AGAIN and not _mostly_short(case, servo, away):
@@ -206,23 +189,34 @@ def silences(case: Case) -> Iterator[Finding]:
         yield from _rhythm(case, servo)
 
 
-def _outages(case: Case, servo: int) -> list[Silence]:
-    """Return the silences that are no chance among single losses."""
-    kept = case.ledger.silences
-    lengths = kept.lengths(servo)
-    runs, asked = sum(lengths), case.total("asked", servo)
-    if not runs:
-        return []
-    late = kept.late(servo)
-    missing = case.total("missing", servo) - (late.missed if late else 0)
-    share = min(missing / max(asked, 1), 1.0)
-    several = lengths[1] + lengths[2]
-    if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
-        return [s for s in kept.runs(servo) if s.missed > 1]
-    by_chance = asked * share * (1 - share)  # stretches, if each request were lost by itself
-    if lengths[2] > CHANCE * runs * share**2 or (lengths[2] and TOGETHER * runs < by_chance):
-        return [s for s in kept.of(servo) if s.back_ns is not None]
-    return []
+def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
+    """Yield that a servo answers nothing until the end.
+
+    It counts the less the shorter that is, where it may just start anew while others are there.
+    """
+    s = ending(case, servo)
+    is_short = s is not None and bool(seldom_away(case, servo))
+    if s is None or not (is_short or s.missed >= ENOUGH or is_for_good(case, s)):
+        return
+    took_ns = case.last_ns - s.first_ns
+    took = f"{took_ns / NS:.3g} s" if case.has_clock else counted(s.missed, "request")
+    ordered = told_to_start(case, servo, [s])
+    yield Finding(
+        "silent-since",
+        servo,
+        s.first_ns,
+        case.last_ns,
+        s.missed,
+        f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
+        f"{counted(s.missed, 'request')}"
+        + (f" in {took}" if case.has_clock else "")
+        + ("; it was told to start anew just before" if ordered else ""),
+        (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
+        strength=min(took_ns / START_NS if case.has_clock else s.missed / ENOUGH, 1.0)
+        if is_short
+        else 1.0,
+        brief=f"servo {servo} silent to the end, for {took}",
+    )
 
 
 def _times_away(case: Case, servo: int, away: Sequence[Silence]) -> Sequence[Silence]:
@@ -250,10 +244,8 @@ def _usual(case: Case, servo: int) -> float:
 
 
 def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
-    longest = max(away, key=lambda s: s.lasted_ns if case.has_clock else s.missed)
-    told, missed = _lasted(case, longest)
+    told, missed = _lasted(case, away)
     often = "once" if len(away) == 1 else f"{len(away)} times"
-    most = "" if len(away) == 1 else "at most "
     ordered = len(told_to_start(case, servo, away))
     times = "" if ordered == len(away) else f"{ordered} times "
     return Finding(
@@ -262,7 +254,7 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {told}{missed}"
+        f"servo {servo} was away {often}, for {told}{missed}"
         + (f", {times}since it was told to start anew" if ordered else ""),
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
@@ -275,13 +267,23 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
     )
 
 
-def _lasted(case: Case, s: Silence) -> tuple[str, str]:
-    """Return how long a silence was, and what to add to that; in requests where nobody knows."""
-    asked = f"{counted(s.missed, 'request')} in a row"
-    took_ms = s.lasted_ns / 1e6
+def _lasted(case: Case, away: Sequence[Silence]) -> tuple[str, str]:
+    """Return how long silences were, and what to add to that; in requests where nobody knows.
+
+    One alone is told within its bounds, of several the shortest and the longest.
+    """
+    missed = [s.missed for s in away]
+    most = counted(max(missed), "request")
+    asked = f"{between(min(missed), max(missed), most)} in a row"
     if not case.has_clock:
         return asked, ""
-    return f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s", f" ({asked})"
+    spans = away[0].bounds_ns if len(away) == 1 else [s.lasted_ns for s in away]
+    low_ms, high_ms = min(spans) / 1e6, max(spans) / 1e6
+    if high_ms < LONG_MS:
+        took = between(f"{low_ms:.0f}", f"{high_ms:.0f}", f"{high_ms:.0f} ms")
+    else:
+        took = between(f"{low_ms / 1000:.0f}", f"{high_ms / 1000:.0f}", f"{high_ms / 1000:.0f} s")
+    return took, f" ({asked})"
 
 
 def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]:
