@@ -106,3 +106,28 @@ def answered_meanwhile(case: Case, servo: int, one: Silence) -> Set[int]:
     answered = (is_within[0] | is_within[1]) & (a["ok"] > 0) & (a["ok"] == a["asked"])
     others = {*case.answering} - {servo}
     return others & set(a["servo_id"][answered].tolist())
+
+
+def away_with(case: Case, servo: int) -> Sequence[int]:
+    """Return the servos that were away in just the same moments as a servo, itself among them."""
+    return next(group for group in case.once(_groups) if servo in group)
+
+
+def _groups(case: Case) -> Sequence[Sequence[int]]:
+    """Return all servos that were away, those of the same moments together."""
+    away = {servo: found for servo in case.answering if (found := outages(case, servo))}
+    groups: list[list[int]] = []
+    for servo, mine in away.items():
+        with_it = next((g for g in groups if _are_the_same(away[g[0]], mine)), None)
+        if with_it is None:
+            groups.append([servo])
+        else:
+            with_it.append(servo)
+    return groups
+
+
+def _are_the_same(some: Sequence[Silence], others: Sequence[Silence]) -> bool:
+    return len(some) == len(others) and all(
+        a.first_ns <= (b.back_ns or NEVER_NS) and b.first_ns <= (a.back_ns or NEVER_NS)
+        for a, b in zip(some, others, strict=True)
+    )

@@ -215,7 +215,7 @@ def _all_at_once(case: Case) -> Iterator[Finding]:
     if any(both[servo] < NEARLY_ALL * len(mine) for servo, mine in runs.items()):
         return
     for servo, mine in runs.items():
-        what = f"in {both[servo]} of {len(mine)} silences of servo {servo} all {len(runs)} are away"
+        what = f"in {both[servo]} of {len(mine)} outages of servo {servo} all {len(runs)} are away"
         yield silent("all-away-at-once", servo, mine, what, 1.0)
 
 
@@ -269,7 +269,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             "torque-survives",
             servo,
             runs,
-            f"servo {servo} follows its goals after {counted(len(runs), 'silence')}, and its torque was "
+            f"servo {servo} follows its goals after {counted(len(runs), 'outage')}, and its torque was "
             + (f"written {counted(writes, 'time')}" if writes else "not written meanwhile"),
             # who switches it on when it is back may do so behind some of the silences only
             1.0 if w["t_last"][to_it].max(initial=0) <= back else 1.0 - writes / len(runs),

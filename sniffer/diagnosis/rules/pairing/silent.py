@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.chances import so_alike, sureness
 from sniffer.diagnosis.evidence.outages import (
     AGAIN,
     CHANCE,
+    away_with,
     ending,
     is_for_good,
     outages,
@@ -23,7 +24,7 @@ from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
-from sniffer.ground.wording import between, counted
+from sniffer.ground.wording import between, counted, servos
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -244,7 +245,10 @@ def _usual(case: Case, servo: int) -> float:
 
 
 def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
-    told, missed = _lasted(case, away)
+    told, missed = _lasted(case, away, is_one=len(away) == 1)
+    group = away_with(case, servo)
+    every = [s for one in group for s in outages(case, one)]
+    of_all = _lasted(case, every, is_one=len(away) == 1)[0]
     often = "once" if len(away) == 1 else f"{len(away)} times"
     ordered = len(told_to_start(case, servo, away))
     times = "" if ordered == len(away) else f"{ordered} times "
@@ -261,23 +265,23 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
             for s in away[:3]
         ),
         strength=min(0.8 + 0.1 * len(away), 1.0),
-        brief=f"servo {servo} silent for {told}"
+        brief=f"{servos(group)} silent {'at once ' if len(group) > 1 else ''}for {of_all}"
         + ("" if len(away) == 1 else f", {len(away)} times"),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )
 
 
-def _lasted(case: Case, away: Sequence[Silence]) -> tuple[str, str]:
+def _lasted(case: Case, away: Sequence[Silence], *, is_one: bool) -> tuple[str, str]:
     """Return how long silences were, and what to add to that; in requests where nobody knows.
 
-    One alone is told within its bounds, of several the shortest and the longest.
+    Of one, of whoever it is, the bounds are told, of several the shortest and the longest.
     """
     missed = [s.missed for s in away]
     most = counted(max(missed), "request")
     asked = f"{between(min(missed), max(missed), most)} in a row"
     if not case.has_clock:
         return asked, ""
-    spans = away[0].bounds_ns if len(away) == 1 else [s.lasted_ns for s in away]
+    spans = [t for s in away for t in (s.bounds_ns if is_one else (s.lasted_ns,))]
     low_ms, high_ms = min(spans) / 1e6, max(spans) / 1e6
     if high_ms < LONG_MS:
         took = between(f"{low_ms:.0f}", f"{high_ms:.0f}", f"{high_ms:.0f} ms")
@@ -373,8 +377,8 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
         servo,
         runs[0].first_ns,
         runs[-1].back_ns or 0,
-        missing,
-        f"servo {servo} left {missing} of {asked} requests without an answer, one by one; "
+        len(runs),
+        f"servo {servo} left {missing} of {asked} requests without an answer, in {counted(len(runs), 'outage')}; "
         f"all others {others_missing} of {others}",
         tuple(Place(s.at, s.length, s.first_ns, "a request without an answer") for s in runs[:3]),
         strength=min(0.8 + missing / 50, 1.0),
