@@ -68,6 +68,21 @@ def test_outages_of_a_servo_have_one_count_in_all_that_is_told_of_it() -> None:
     assert lost.what.endswith("; 4 more until the end")
 
 
+def test_servos_that_fall_silent_for_good_at_one_moment_are_one_step() -> None:
+    talk = Conversation("mightyzap")
+    while talk.now_s < 10:
+        for servo in (1, 2, 3, 4):
+            if talk.now_s > 6:
+                talk.ask_in_vain(servo, 5)
+            else:
+                talk.read(servo, swinging(servo, talk.now_s))
+        talk.rest(20)
+    (incident,) = talk.diagnosed().incidents()
+    assert incident.story == (
+        "a servo that stopped answering (servos 1-4): servos 1-4 silent to the end, for 4 s"
+    )
+
+
 @pytest.mark.parametrize(
     ("ids", "told"),
     [

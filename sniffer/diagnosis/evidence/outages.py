@@ -12,7 +12,7 @@ from sniffer.diagnosis.ledger.silences import ENOUGH, LEAST
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence, Set
+    from collections.abc import Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.ledger.silences import Silence
@@ -30,6 +30,14 @@ CHANCE: Final = 3.0
 
 def outages(case: Case, servo: int) -> Sequence[Silence]:
     """Return the silences of a servo that were over, and are no chance among single losses."""
+    return case.once(_outages)[servo]
+
+
+def _outages(case: Case) -> Mapping[int, Sequence[Silence]]:
+    return {servo: _no_chance(case, servo) for servo in case.answering}
+
+
+def _no_chance(case: Case, servo: int) -> Sequence[Silence]:
     kept = case.ledger.silences
     lengths = kept.lengths(servo)
     runs, asked = sum(lengths), case.total("asked", servo)
@@ -49,6 +57,14 @@ def outages(case: Case, servo: int) -> Sequence[Silence]:
 
 def ending(case: Case, servo: int) -> Silence | None:
     """Return the silence of a servo until the end, of two requests where it lost no other one."""
+    return case.once(_endings)[servo]
+
+
+def _endings(case: Case) -> Mapping[int, Silence | None]:
+    return {servo: _no_chance_to_the_end(case, servo) for servo in case.answering}
+
+
+def _no_chance_to_the_end(case: Case, servo: int) -> Silence | None:
     last = case.ledger.silences.ending(servo)
     if last is None or last.missed < 2 or is_one_question(case, servo, last):
         return None
@@ -131,3 +147,16 @@ def _are_the_same(some: Sequence[Silence], others: Sequence[Silence]) -> bool:
         a.first_ns <= (b.back_ns or NEVER_NS) and b.first_ns <= (a.back_ns or NEVER_NS)
         for a, b in zip(some, others, strict=True)
     )
+
+
+def gone_with(case: Case, servo: int, last: Silence) -> Mapping[int, Silence]:
+    """Return the servos that fell silent for good when a servo did, itself among them.
+
+    Each of them went between the last request that it had and the first one that it missed.
+    """
+    return {
+        who: one
+        for who in case.answering
+        if (one := ending(case, who)) is not None
+        if who == servo or (one.before_ns < last.first_ns and last.before_ns < one.first_ns)
+    }

@@ -1,4 +1,4 @@
-"""Who answers whom: servos never heard, gone silent, away for a while."""
+"""Servos that are not heard for a while, time and again, or from one moment on."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from sniffer.diagnosis.evidence.outages import (
     CHANCE,
     away_with,
     ending,
+    gone_with,
     is_for_good,
     outages,
     seldom_away,
@@ -22,24 +23,17 @@ from sniffer.diagnosis.evidence.told import told_to_start
 from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
 from sniffer.ground.wording import between, counted, servos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.ledger.silences import Silence
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
-    FindingCode(
-        "never-answered",
-        "A servo was asked time and again, and never answered, while others did.",
-        "At least five requests with an expected answer, no answer, another servo answered.",
-    ),
     FindingCode(
         "silent-since",
         "A servo answered until one moment, and not once since.",
@@ -75,12 +69,6 @@ FINDINGS: Final = (
 )
 
 
-LOOKS: Final = 3
-"""Quarters of a second in which an id is asked for that is not just looked for."""
-
-SWEEP: Final = 5
-"""Ids without a servo, asked about alike: somebody looks who is there."""
-
 MOST: Final = 0.9
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
 
@@ -110,70 +98,8 @@ which on not."""
 SELDOM: Final = 1e-4
 """How likely they may be so even by chance where that counts in full."""
 
-MOSTLY: Final = 0.8
-"""Part of the requests to a servo that is not there which have no answer: behind some stands what
-noise or a hole leaves of others."""
-
-MEANT: Final = 20
-"""How many times as often a request was said of which one bit was misread where another one is heard."""
-
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
-
-
-def never_answered(case: Case) -> Iterator[Finding]:
-    """Servos that are asked and were never heard; looking for servos is none of that."""
-    a = case.answers
-    if not case.answering:
-        return
-    absent: dict[int, I64] = {}
-    for servo in case.servos:
-        rows = np.flatnonzero(a["servo_id"] == servo)
-        asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing and missing >= MOSTLY * asked and servo not in case.ledger.silences.heard:
-            absent[servo] = rows
-    counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
-    is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1
-    for servo, rows in absent.items():
-        missing = int(a["missing"][rows].sum())
-        first, last = int(a["t_first"][rows].min()), int(a["t_last"][rows].max())
-        asked_along = len(rows) >= LOOKS or last - first > NS
-        if not case.has_clock:  # counted from the bytes, a quarter second is anything
-            asked_along |= 2 * (last - first) > case.last_ns - case.first_ns
-        if missing < ENOUGH or is_sweep or not asked_along or _is_misread(case, servo):
-            continue
-        yield Finding(
-            "never-answered",
-            servo,
-            first,
-            last,
-            missing,
-            f"servo {servo} was asked {missing} times and never answered",
-            (Place(int(a["at"][rows[0]]), 1, int(a["t_first"][rows[0]]), "the first request"),),
-            brief=f"servo {servo} never answers ({missing} requests)",
-        )
-
-
-def _is_misread(case: Case, servo: int) -> bool:
-    """Tell whether all that a servo is asked may be what others are asked, with one bit misread.
-
-    What has no checksum holds all the same; and where that happens, other bits tear frames.
-    """
-    kinds = case.ledger.exchanges.kinds
-    mine = [k for k in range(len(kinds)) if kinds.servo_id[k] == servo]
-    if int(case.damage["n"].sum()) < int(kinds.n[mine].sum()):
-        return False
-    others = [k for k in range(len(kinds)) if kinds.servo_id[k] in case.answering]
-    return all(
-        case.protocol.checksum_of(kinds.example[k]) is None
-        and any(
-            kinds.n[q] >= MEANT * kinds.n[k]
-            and len(kinds.example[q]) == len(kinds.example[k])
-            and bits_wrong(kinds.example[q], kinds.example[k]) == 1
-            for q in others
-        )
-        for k in mine
-    )
 
 
 def silences(case: Case) -> Iterator[Finding]:
@@ -216,8 +142,21 @@ def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
         strength=min(took_ns / START_NS if case.has_clock else s.missed / ENOUGH, 1.0)
         if is_short
         else 1.0,
-        brief=f"servo {servo} silent to the end, for {took}",
+        brief=_gone(case, gone_with(case, servo, s)),
     )
+
+
+def _gone(case: Case, group: Mapping[int, Silence]) -> str:
+    """Return the few words of servos that fell silent for good at one moment."""
+    lasted = [case.last_ns - one.first_ns for one in group.values()]
+    if case.has_clock:
+        took = between(
+            f"{min(lasted) / NS:.2g}", f"{max(lasted) / NS:.2g}", f"{max(lasted) / NS:.2g} s"
+        )
+    else:
+        missed = [one.missed for one in group.values()]
+        took = between(min(missed), max(missed), counted(max(missed), "request"))
+    return f"{servos(group)} silent to the end, for {took}"
 
 
 def _times_away(case: Case, servo: int, away: Sequence[Silence]) -> Sequence[Silence]:
@@ -386,5 +325,5 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (never_answered, silences)
+RULES: Final[tuple[Rule, ...]] = (silences,)
 """The rules of this area."""
