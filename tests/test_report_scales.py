@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import Quantiles
 from sniffer.diagnosis.model import Finding
 from sniffer.reports.content import ALIKE, found_of
@@ -37,8 +38,18 @@ def test_a_histogram_has_labels_that_tell_its_scale_however_narrow_it_is(
 
 
 def test_of_findings_of_one_kind_a_report_tells_some_and_how_many_more_there_are() -> None:
-    every = [Finding("goal-beyond-range", k, 0, 0, 1, "x") for k in range(100)]
+    every = [Finding("goal-beyond-range", k % 2, 0, 0, 1, "x") for k in range(100)]
     every += [Finding("joint-not-following", 2, 0, 0, 1, "y")]
-    told = found_of(cast("Incident", SimpleNamespace(findings=tuple(every))))
-    assert len(told) == ALIKE + 1
+    incident = cast("Incident", SimpleNamespace(bus="bus0", findings=tuple(every)))
+    told, more = found_of(incident, ServoNames())
+    assert (len(told), more) == (ALIKE + 1, 100 - ALIKE)
     assert told[-1].what == "y"
+
+
+def test_what_several_servos_have_alike_a_report_tells_once_with_their_names() -> None:
+    every = [Finding("misses-now-and-then", k, 0, 0, 1, f"servo {k} misses") for k in range(1, 6)]
+    incident = cast("Incident", SimpleNamespace(bus="bus0", findings=tuple(every)))
+    told, more = found_of(incident, ServoNames())
+    assert ([f.what for f in told], more) == (["servo 1 misses; likewise servos 2-5"], 0)
+    (named,), _ = found_of(incident, ServoNames({3: "knee"}))
+    assert named.what == "servo 1 misses; likewise servos 2, 3 knee, 4, 5"

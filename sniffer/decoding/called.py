@@ -30,10 +30,9 @@ NAME_MOST: Final = 32
 """Signs of a name: more are cut off in a legend."""
 
 _ONE: Final = re.compile(r"\b(servo )(\d{1,3})\b")
-_SEVERAL: Final = re.compile(
-    r"\b(servos )(\d{1,3}\b(?:, \d{1,3}\b)*(?: and \d{1,3}\b(?! more| other))?)"
-)
-"""How sentences say who is meant: ``servo 3``, ``servos 1, 2 and 3``."""
+_IDS: Final = r"\d{1,3}\b(?:-\d{1,3}\b)?"
+_SEVERAL: Final = re.compile(rf"\b(servos )({_IDS}(?:, {_IDS})*(?: and {_IDS}(?! more| other))?)")
+"""How sentences say who is meant: ``servo 3``, ``servos 1, 2 and 6-10``."""
 
 
 class ServoNames:
@@ -114,9 +113,17 @@ class ServoNames:
             return text
 
         def named(match: re.Match[str]) -> str:
-            return match[1] + re.sub(r"\d+", lambda m: self.label(bus, int(m[0])), match[2])
+            return match[1] + re.sub(_IDS, lambda ids: self._each(bus, ids[0]), match[2])
 
         return _SEVERAL.sub(named, _ONE.sub(named, text))
+
+    def _each(self, bus: str, ids: str) -> str:
+        """Return ``3`` or ``6-10`` with names; a range with a name in it is told one by one."""
+        first, _, last = ids.partition("-")
+        every = range(int(first), int(last or first) + 1)
+        if last and not any(self.of(bus, servo) for servo in every):
+            return ids
+        return ", ".join(self.label(bus, servo) for servo in every)
 
     def on(self, bus: str, anomaly: Anomaly) -> Anomaly:
         """Return an anomaly of a bus whose sentences have the names of servos."""

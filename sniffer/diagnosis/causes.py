@@ -232,6 +232,18 @@ _CAUSES: Final = (
         "Ping it at all ids and rates, alone on the bus.",
     ),
     Cause(
+        "servo-outage",
+        SERVO,
+        WARN,
+        -0.8,
+        "a servo that was silent for a while",
+        "A servo answered nothing once or twice, for some requests in a row, and nothing else tells why.",
+        "One or two outages of one servo in all the time, most others there meanwhile, its supply not low, no alarm.",
+        "A supply that sags, a servo that starts anew, a connector: each has more signs, or comes again.",
+        "Record for longer, and poll its voltage and what power-on resets, as its torque: it loses that without power, and keeps it where only its line is open. Move its cable by hand meanwhile.",
+        "Record for longer, and poll its voltage and what power-on resets, as its torque: it loses that without power, and keeps it where only its line is open. Move its cable by hand meanwhile.",
+    ),
+    Cause(
         "servo-absent",
         CONTROLLER,
         WARN,

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.acting import next_of
 from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.gathering import steps
 from sniffer.diagnosis.model import Incident
 from sniffer.diagnosis.rules import findings
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NS
-from sniffer.ground.wording import and_
+from sniffer.ground.wording import servos
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,13 +66,13 @@ def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Inciden
 def _story(explained: Explained, by_time: Sequence[Finding]) -> str:
     """Return what happened, in order."""
     cause = CAUSES[explained.causes[0].cause]
-    who = and_([f"servo {i}" for i in explained.servo_ids])
+    who = servos(explained.servo_ids)
     title = f"{cause.title} ({who})" if who else cause.title
     in_order = sorted(by_time, key=lambda f: f.first_ns - AHEAD_NS.get(f.code, 0))
     side = {w.finding for w in WEIGHTS[cause.slug].values() if w.weight <= LOOKS_SO}
     telling = [f for f in in_order if f.code not in side] or in_order
-    steps = list(dict.fromkeys(f.brief for f in telling if f.brief))[:TOLD]
-    return f"{title}: {' -> '.join(steps)}" if steps else f"{title}: {explained.key.what}"
+    told = steps(telling)[:TOLD]
+    return f"{title}: {' -> '.join(told)}" if told else f"{title}: {explained.key.what}"
 
 
 def _against(rival: Ranked, found: Sequence[Finding]) -> str:

@@ -24,7 +24,9 @@ PROGRAM: Final = "the program that speaks on them, its host, the hub of their ad
 GROUND: Final = "ground, and what starts beside them"
 
 SHARES: Final[Mapping[str, str]] = MappingProxyType(
-    dict.fromkeys(("brownout", "servo-reset-loop", "torque-off", "servo-dead"), SUPPLY)
+    dict.fromkeys(
+        ("brownout", "servo-reset-loop", "torque-off", "servo-dead", "servo-outage"), SUPPLY
+    )
     | dict.fromkeys(
         ("controller-stall", "controller-jitter", "controller-slows", "tap-loss"), PROGRAM
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import string
+from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -143,3 +144,23 @@ def _filled(
 def counted(n: int, what: str) -> str:
     """Return a number with its noun."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def between(low: object, high: object, told: str) -> str:
+    """Return a range, or ``told``, how the higher end is told, where both ends are the same."""
+    return told if str(low) == str(high) else f"{low} to {told}"
+
+
+def servos(ids: Iterable[int]) -> str:
+    """Return servos as people name them: ``servo 3``, ``servos 1, 3 and 6-10``."""
+    known = sorted(set(ids))
+    rows = [
+        [one for _, one in row]
+        for _, row in groupby(enumerate(known), key=lambda at: at[1] - at[0])
+    ]
+    told = [
+        part
+        for row in rows
+        for part in ([f"{row[0]}-{row[-1]}"] if len(row) > 2 else [str(one) for one in row])
+    ]
+    return f"servo{'s' if len(known) > 1 else ''} {and_(told)}" if known else ""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.gathering import gathered, likewise
 from sniffer.ground.heard import span_of
 from sniffer.ground.model import Clock
-from sniffer.reports.words import listed
+from sniffer.ground.wording import servos
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -115,7 +116,7 @@ class Content:
         """Return what an incident is, in words: its likeliest cause, where and whom."""
         title = CAUSES[incident.cause].title
         title = title[:1].upper() + title[1:]
-        who = listed([self.names.servo(incident.bus, one) for one in incident.servo_ids], 4)
+        who = self.names.sentence(incident.bus, servos(incident.servo_ids))
         on = f" on {incident.bus}" if len(self.summary.buses) > 1 else ""
         return f"{title}{on} ({who})" if who else f"{title}{on}"
 
@@ -133,12 +134,16 @@ def tale(incident: Incident) -> str:
     return story[:1].upper() + story[1:]
 
 
-def found_of(incident: Incident) -> list[Finding]:
-    """Return the findings of an incident that are told: of each kind the first ones."""
+def found_of(incident: Incident, names: ServoNames) -> tuple[list[Finding], int]:
+    """Return the findings of an incident that are told, and how many more there are.
+
+    Of each kind the first ones; what several servos have alike is told once.
+    """
     met: Counter[str] = Counter()
+    each = gathered(incident.findings)
     out = []
-    for f in incident.findings:
+    for f, others in each:
         met[f.code] += 1
         if met[f.code] <= ALIKE:
-            out.append(f)
-    return out[:FINDINGS]
+            out.append(replace(f, what=likewise(f.what, others, names, incident.bus)))
+    return out[:FINDINGS], len(each) - len(out[:FINDINGS])

@@ -200,9 +200,10 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
         )
         for c in incident.likely[:LIKELY]
     ]
+    told, more = found_of(incident, content.names)
     found = [
         tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", sentence(f.what)))
-        for f in found_of(incident)
+        for f in told
     ]
     parts = [
         tag("h3", shape(incident.severity), f" {incident.number}. {content.titled(incident)}"),
@@ -214,7 +215,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
         *([tag("p", incident.against)] if incident.against else []),
         tag("h4", "What was found"),
         _wide(tag("table", tag("tbody", *found))),
-        *_more(len(incident.findings) - len(found), "findings"),
+        *_more(more, "findings"),
     ]
     if shown:
         parts += [tag("h4", "The bytes"), *(_exhibit(e, clock) for e in shown)]

@@ -111,9 +111,9 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
     if incident.against:
         yield f"- {told(incident.against)}"
     yield from ("", "What was found:", "")
-    shown = found_of(incident)
+    shown, more = found_of(incident, content.names)
     yield from (f"- {told(f.code)} ×{f.count}: {told(f.what)}" for f in shown)
-    if more := len(incident.findings) - len(shown):
+    if more:
         yield f"- and {counted(more, 'further finding')}"
     yield ""
     for exhibit in content.exhibits.get(incident.number, ()):

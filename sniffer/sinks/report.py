@@ -19,7 +19,7 @@ from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.streams import UNFOLDED
-from sniffer.ground.wording import and_, counted, plain, short
+from sniffer.ground.wording import counted, plain, servos, short
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks.consoles import GLUE, NARROWEST, glued, unpadded
 from sniffer.sinks.tabulated import called
@@ -215,7 +215,7 @@ def _incidents(incidents: Sequence[Incident], names: ServoNames) -> Table:
 def _headline(incident: Incident, names: ServoNames) -> str:
     """Return an incident's cause, and whose it is."""
     cause = CAUSES[incident.cause].title
-    who = and_([names.servo(incident.bus, i) for i in incident.servo_ids])
+    who = names.sentence(incident.bus, servos(incident.servo_ids))
     return f"{incident.cause}: {cause}" + (f" ({who})" if who else "")
 
 

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from sniffer.decoding.called import ServoNames
 from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.gathering import gathered, likewise
 from sniffer.diagnosis.shared import numbered
 from sniffer.ground.model import Severity, SnifferError
 from sniffer.ground.moments import of_day, with_day
@@ -70,7 +71,7 @@ def print_incidents(
         _print_head(incident, when, console, clock=clock, is_one_bus=is_one_bus)
         as_which = leading.get(incident.number, incident.number)
         if as_which == incident.number:
-            _print_evidence(incident, console, is_one_bus=is_one_bus)
+            _print_evidence(incident, console, names, is_one_bus=is_one_bus)
         else:
             _hang(console, "   next: ", [Text(f"as {as_which}")])
             _print_causes(incident, console)
@@ -115,14 +116,15 @@ def _on(i: Incident, *, is_one_bus: bool) -> str:
     return "" if is_one_bus else f"{i.bus}: "
 
 
-def _print_evidence(i: Incident, console: Console, *, is_one_bus: bool) -> None:
+def _print_evidence(i: Incident, console: Console, names: ServoNames, *, is_one_bus: bool) -> None:
     """Print what to do, why, and where it is seen."""
     _hang(console, "   next: ", [Text(i.next)])
     _print_causes(i, console)
-    found = [f.what for f in _by_weight(i)[:FINDINGS_SHOWN]]
+    each = gathered(_by_weight(i))
+    found = [likewise(f.what, others, names, i.bus) for f, others in each[:FINDINGS_SHOWN]]
     if i.against:
         _hang(console, "   ", [Text(i.against)])
-    left = len(i.findings) - FINDINGS_SHOWN
+    left = len(each) - FINDINGS_SHOWN
     if left > 0:
         found.append(f"and {left} more finding{'s' if left > 1 else ''}")
     for what in found:

@@ -108,6 +108,20 @@ def servo_dead(draft: Draft) -> None:
     dies(draft)
 
 
+def _hears(play: Play, who: int) -> None:
+    play.servo(who).deaf_until_ns = play.stage.bus.now_ns
+
+
+@CASES(*EVERY, polls=(ALL, TURN), seconds=(10, 30), servos=(3, 6))
+def servo_outage(draft: Draft) -> None:
+    """One is away once, for a moment, and has its power all the time."""
+    who, first_s = draft.pick(), draft.onset()
+    last_s = first_s + draft.rng.uniform(0.3, 0.9)
+    draft.at(first_s, functools.partial(_gone, who=who))
+    draft.at(last_s, functools.partial(_hears, who=who))
+    draft.truth("servo-outage", who, first_s, last_s)
+
+
 def is_missing(draft: Draft) -> None:
     """Let a servo be asked that is not there."""
     who = draft.pick()

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.evidence.jumping import altered
 from sniffer.ground.model import NEVER_NS, NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
@@ -52,6 +53,9 @@ class LostAnswers:
         runs = case.ledger.silences.runs(servo)
         rows = [(s.first_ns, s.back_ns or NEVER_NS, s.missed) for s in runs]
         self._silences = np.array(rows, np.int64)
+        self._times_away = sum(case.ledger.silences.lengths(servo))
+        self.to_the_end = spells[-1].missed if until <= case.last_ns else 0
+        """How many requests it left unanswered until the end."""
 
     @property
     def share(self) -> float:
@@ -62,6 +66,16 @@ class LostAnswers:
     def moments(self) -> int:
         """How many times it was away."""
         return 1 + int(self.apart(self.times).sum()) if len(self.times) else 0
+
+    @property
+    def outages(self) -> int:
+        """How often it lost something: of who misses all that he loses, stretches of requests."""
+        return self.moments if self.torn else self._times_away
+
+    @property
+    def told(self) -> str:
+        """The same in words."""
+        return counted(self.outages, "moment" if self.torn else "outage")
 
     def apart(self, times: I64) -> Mask:
         """Tell of losses (sorted) which are not of the same moment as the one before.

@@ -211,14 +211,14 @@ class Silences:
 
     def of(self, servo_id: int) -> Sequence[Silence]:
         """Return the silences of a servo, the one that lasts until the end among them."""
-        last = self._ending(servo_id)
+        last = self.ending(servo_id)
         over = self._before(self._over.get(servo_id, ()), last)
         over = [s for s in over if not self._is_unknown(s)]
         return [*over, last] if last is not None and last.missed >= LEAST else over
 
     def runs(self, servo_id: int) -> Sequence[Silence]:
         """Return the first stretches of a servo that were over, also those of one request."""
-        runs = self._before(self._runs.get(servo_id, ()), self._ending(servo_id))
+        runs = self._before(self._runs.get(servo_id, ()), self.ending(servo_id))
         return [s for s in runs if not self._is_unknown(s)]
 
     def in_vain(self, servo_id: int) -> Sequence[Silence]:
@@ -231,7 +231,7 @@ class Silences:
     def _is_unknown(self, one: Silence) -> bool:
         return one.question != SEVERAL and not self._is_known[one.question]
 
-    def _ending(self, servo_id: int) -> Silence | None:
+    def ending(self, servo_id: int) -> Silence | None:
         """Return the stretch that lasts until the end; a few torn answers in it are none."""
         since, torn = self._since.get(servo_id), self._torn.get(servo_id, 0)
         if since is not None and since.missed >= LEAST and torn * TORN <= since.missed:

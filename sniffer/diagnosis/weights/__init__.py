@@ -6,12 +6,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, identity, line, proven, tap, wire
+from sniffer.diagnosis.weights import controller, device, identity, line, outage, proven, tap, wire
+from sniffer.diagnosis.weights.table import KEY, Weight
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from sniffer.diagnosis.weights.table import Weight
 
 
 _AREAS: Final = (
@@ -21,6 +20,7 @@ _AREAS: Final = (
     *device.WEIGHTS,
     *identity.WEIGHTS,
     *controller.WEIGHTS,
+    *outage.WEIGHTS,
     *proven.WEIGHTS,
 )
 """All lines of all areas; none stands in two."""
@@ -36,8 +36,25 @@ def _as_of_noise(lines: Sequence[Weight]) -> Iterator[Weight]:
             yield w._replace(cause=INTERFERENCE)
 
 
-LINES: Final = (*_AREAS, *_as_of_noise(_AREAS))
-"""The same, and what interference has as noise has it."""
+EVERYWHERE, UNDECIDED = "damage-everywhere", "damage-undecided"
+
+ONE_WAY: Final = 0.6
+"""How much it counts that chance may have hit answers only, or requests only, so few they are."""
+
+
+def _as_everywhere(lines: Sequence[Weight]) -> Iterator[Weight]:
+    """Yield what damage of everybody counts for damage of which nothing tells whom it spares."""
+    for w in lines:
+        if w.finding == EVERYWHERE:
+            weight = ONE_WAY * w.weight
+            reason = "nobody is known to be spared" if w.is_key else w.reason
+            yield Weight(w.cause, UNDECIDED, weight, reason, weight >= KEY)
+
+
+_OF_NOISE: Final = (*_AREAS, *_as_of_noise(_AREAS))
+
+LINES: Final = (*_OF_NOISE, *_as_everywhere(_OF_NOISE))
+"""The same, and what interference has as noise has it, and what few torn frames count."""
 
 
 def _by_cause() -> Mapping[str, Mapping[str, Weight]]:

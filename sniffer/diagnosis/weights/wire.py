@@ -54,6 +54,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("line-babbles", 0.2, "what another protocol says holds in nothing"),
         ("odd-commands", 0.2, "frames of another protocol hold by chance"),
         ("foreign-frames", 6.0, "another protocol holds in what this one does not claim"),
+        ("spoken-between", 5.0, "for a while something else is spoken, and nothing is torn else"),
         ("noise", 0.6, "frames of another protocol"),
         ("truncated-frame", 0.3, "frames of another protocol begin like one"),
         ("damaged-frame", 0.4, "frames of another protocol begin like one"),

@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
+from sniffer.diagnosis.evidence.interlude import interlude
 from sniffer.diagnosis.evidence.jumping import altered, altered_bare
 from sniffer.diagnosis.evidence.parts import more_and_more
 from sniffer.diagnosis.evidence.placed import is_talk
@@ -30,7 +31,12 @@ FINDINGS: Final = (
     FindingCode(
         "damage-everywhere",
         "Frames of several senders are damaged, in about the share of what each says.",
-        "At least three torn frames, of two senders or more, and no sender has far more than its share.",
+        "At least three torn frames, requests and answers among them, and no sender has far more than its share.",
+    ),
+    FindingCode(
+        "damage-undecided",
+        "Some frames are damaged, all of them answers or all requests; the others may be spared by chance.",
+        "At least three torn frames of one side, no servo with far more than its share, and too few to tell by their shares that the other side is spared.",
     ),
     FindingCode(
         "damage-one-servo",
@@ -75,9 +81,6 @@ SEEN: Final = 0.25
 HIDDEN: Final = 0.45
 """How much it counts where of the answers values alone tell: a weak signal alters them, too."""
 
-ONE_WAY: Final = 0.6
-"""How much it counts that chance may have hit answers only, or requests only, so few they are."""
-
 
 def who_is_damaged(case: Case) -> Iterator[Finding]:
     """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
@@ -85,7 +88,8 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
     torn, answered, asked_torn, requests = case.once(_shares)
     total = sum(torn.values()) + asked_torn
-    if total < LEAST or not is_talk(case):
+    # what is spoken in another protocol is no damage of this one
+    if total < LEAST or not is_talk(case) or interlude(case) is not None:
         return
     few = singled_out(case)
     for servo in few:
@@ -133,8 +137,9 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         yield damage_of(case, rows, "damage-in-requests", None, what, "requests damaged")
     else:
         sure = min(0.5 + (left + asked_torn) / (2 * PLENTY), 1.0)
-        sure *= HIDDEN if requests_alone else 1.0 if left and asked_torn else ONE_WAY
-        yield damage_of(case, rows, "damage-everywhere", None, what, "frames damaged", sure, jumps)
+        sure *= HIDDEN if requests_alone else 1.0
+        code = "damage-everywhere" if (left or doubtful) and asked_torn else "damage-undecided"
+        yield damage_of(case, rows, code, None, what, "frames damaged", sure, jumps)
 
 
 def singled_out(case: Case) -> Sequence[int]:

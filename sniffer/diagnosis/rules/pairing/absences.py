@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.evidence.tracks import track
 from sniffer.ground.model import NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -229,7 +230,7 @@ def _all_at_once(case: Case) -> Iterator[Finding]:
     if any(both[servo] < NEARLY_ALL * len(mine) for servo, mine in runs.items()):
         return
     for servo, mine in runs.items():
-        what = f"in {both[servo]} of {len(mine)} silences of servo {servo} all {len(runs)} are away"
+        what = f"in {both[servo]} of {len(mine)} outages of servo {servo} all {len(runs)} are away"
         yield silent("all-away-at-once", servo, mine, what, 1.0)
 
 
@@ -258,7 +259,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
     for servo in case.answering:
         runs = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
         joint = track(case, servo)
-        if len(runs) < 2 or joint is None:
+        if not runs or joint is None:
             continue
         mine = case.registers_of(servo, "torque_enable")
         if not mine or mine[0].default != 0:
@@ -283,8 +284,8 @@ def torque_kept(case: Case) -> Iterator[Finding]:
             "torque-survives",
             servo,
             runs,
-            f"servo {servo} follows its goals after {len(runs)} silences, and its torque was "
-            f"written {writes} times",
+            f"servo {servo} follows its goals after {counted(len(runs), 'outage')}, and its torque was "
+            + (f"written {counted(writes, 'time')}" if writes else "not written meanwhile"),
             # who switches it on when it is back may do so behind some of the silences only
             1.0 if w["t_last"][to_it].max(initial=0) <= back else 1.0 - writes / len(runs),
         )

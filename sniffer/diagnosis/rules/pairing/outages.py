@@ -17,10 +17,10 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.ledger.silences import of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import MS
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import between, counted, servos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
@@ -127,6 +127,7 @@ def losses(case: Case) -> Iterator[Finding]:
         return
     rest_bad, rest = sum(o.bad for o in sound), sum(o.bad + o.ok for o in sound)
     shared = _shared(group)
+    together = _told_together(case, [one for one in group if one.servo in shared])
     first = min(int(o.times[0]) for o in group)
     for one in group:
         chance = at_least(one.bad, one.bad + one.ok, (rest_bad + 1) / (rest + 2)) if sound else 0.1
@@ -147,12 +148,16 @@ def losses(case: Case) -> Iterator[Finding]:
             one.servo,
             first,
             int(one.times[-1]),
-            one.bad,
+            one.outages,
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
-            f"({one.torn} of them torn) in {one.moments} moments; {others}",
+            f"({one.torn} of them torn) in {one.told}; {others}"
+            + (f"; {one.to_the_end} more until the end" if one.to_the_end else ""),
             places,
             strength=max(sureness(chance), 0.4) * min(TORN_ONLY + 1.5 * one.missing / one.bad, 1.0),
-            brief=f"servo {one.servo} loses {'more and more answers' if more else f'answers in {one.moments} moments'}",
+            brief=together
+            if one.servo in shared
+            else f"servo {one.servo} loses "
+            + ("more and more answers" if more else f"answers in {one.told}"),
             episodes=episodes(one.times, one.times, BUCKET_NS),
         )
         if more:
@@ -167,17 +172,33 @@ def losses(case: Case) -> Iterator[Finding]:
                 places,
             )
         if one.servo in shared:
-            with_it = ", ".join(str(s) for s in shared if s != one.servo)
             yield Finding(
                 "lost-together",
                 one.servo,
                 first,
                 int(one.times[-1]),
-                one.moments,
-                f"servo {one.servo} loses answers in the same moments as servo {with_it}",
+                one.outages,
+                f"{together}; {others}",
                 places,
-                brief=f"servo {one.servo} together with {with_it}",
             )
+
+
+def _told_together(case: Case, group: Sequence[LostAnswers]) -> str:
+    """Return that several servos lose answers in the same moments, and where on the line they part.
+
+    Which wires go where no byte tells: servos that are wired by their ids part at one place.
+    """
+    if not group:
+        return ""
+    mine = [one.servo for one in group]
+    counts = [one.outages for one in group]
+    told = f"{servos(mine)} lose answers in the same {between(min(counts), max(counts), f'{max(counts)} moments')}"
+    sound = [servo for servo in case.answering if servo not in mine]
+    nearer, farther = (sound, mine) if sound and sound[0] < min(mine) else (mine, sound)
+    if sound and max(nearer) < min(farther):
+        place = f"between {max(nearer)} and {min(farther)}"
+        told += f", {servos(sound)} do not ({place} if they are wired in this order)"
+    return told
 
 
 def _for_a_while(case: Case, bad: list[LostAnswers]) -> Iterator[Finding]:
@@ -238,7 +259,7 @@ def lengths(case: Case) -> Iterator[Finding]:
             runs[0].first_ns,
             runs[-1].back_ns or 0,
             len(runs),
-            f"of {len(runs)} silences of servo {servo} {short} are shorter than a quarter of the "
+            f"of {len(runs)} outages of servo {servo} {short} are shorter than a quarter of the "
             f"longest ({spans.min() / 1e6:.0f} to {longest / 1e6:.0f} ms)",
             strength=min(0.5 + short / 10, 1.0) if uneven else sureness(chance, SELDOM_ALIKE),
         )
@@ -267,7 +288,7 @@ def sooner_than_a_start(case: Case) -> Iterator[Finding]:
             runs[0].first_ns,
             runs[-1].back_ns or 0,
             len(gaps),
-            f"{len(gaps)} of {len(runs)} silences of servo {servo} are one request long, and it "
+            f"{len(gaps)} of {len(runs)} outages of servo {servo} are one request long, and it "
             f"answers {np.median(gaps) / 1e6:.0f} ms later: a start takes {START_NS // MS} ms or more",
             strength=sureness(chance),
         )

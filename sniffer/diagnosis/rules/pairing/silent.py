@@ -1,4 +1,4 @@
-"""Who answers whom: servos never heard, gone silent, away for a while."""
+"""Servos that are not heard for a while, time and again, or from one moment on."""
 
 from __future__ import annotations
 
@@ -9,32 +9,35 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
-from sniffer.diagnosis.evidence.questions import is_one_question
+from sniffer.diagnosis.evidence.outages import (
+    AGAIN,
+    CHANCE,
+    away_with,
+    ending,
+    gone_with,
+    is_for_good,
+    outages,
+    seldom_away,
+)
 from sniffer.diagnosis.evidence.told import told_to_start
+from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.physics.comparing import bits_wrong
 from sniffer.ground.model import NS
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import between, counted, servos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.ledger.silences import Silence
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
-        "never-answered",
-        "A servo was asked time and again, and never answered, while others did.",
-        "At least five requests with an expected answer, no answer, another servo answered.",
-    ),
-    FindingCode(
         "silent-since",
         "A servo answered until one moment, and not once since.",
-        "Answers before, and at least five requests in a row without one until the end.",
+        "Answers before, and at least five requests in a row without one until the end, or three in three seconds; fewer where it was hardly ever away before, and others were not. It counts the less the shorter that is.",
     ),
     FindingCode(
         "away-for-a-while",
@@ -66,21 +69,6 @@ FINDINGS: Final = (
 )
 
 
-LOOKS: Final = 3
-"""Quarters of a second in which an id is asked for that is not just looked for."""
-
-TOGETHER: Final = 4
-"""So many times fewer stretches of losses than single ones make are no chance, however much is lost."""
-
-AGAIN: Final = 3
-"""Silences that are a habit."""
-
-CHANCE: Final = 3.0
-"""So many times as often as chance would have it, requests in a row are lost for a reason."""
-
-SWEEP: Final = 5
-"""Ids without a servo, asked about alike: somebody looks who is there."""
-
 MOST: Final = 0.9
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
 
@@ -110,93 +98,15 @@ which on not."""
 SELDOM: Final = 1e-4
 """How likely they may be so even by chance where that counts in full."""
 
-MOSTLY: Final = 0.8
-"""Part of the requests to a servo that is not there which have no answer: behind some stands what
-noise or a hole leaves of others."""
-
-MEANT: Final = 20
-"""How many times as often a request was said of which one bit was misread where another one is heard."""
-
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
-
-
-def never_answered(case: Case) -> Iterator[Finding]:
-    """Servos that are asked and were never heard; looking for servos is none of that."""
-    a = case.answers
-    if not case.answering:
-        return
-    absent: dict[int, I64] = {}
-    for servo in case.servos:
-        rows = np.flatnonzero(a["servo_id"] == servo)
-        asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing and missing >= MOSTLY * asked and servo not in case.ledger.silences.heard:
-            absent[servo] = rows
-    counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
-    is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1
-    for servo, rows in absent.items():
-        missing = int(a["missing"][rows].sum())
-        first, last = int(a["t_first"][rows].min()), int(a["t_last"][rows].max())
-        asked_along = len(rows) >= LOOKS or last - first > NS
-        if not case.has_clock:  # counted from the bytes, a quarter second is anything
-            asked_along |= 2 * (last - first) > case.last_ns - case.first_ns
-        if missing < ENOUGH or is_sweep or not asked_along or _is_misread(case, servo):
-            continue
-        yield Finding(
-            "never-answered",
-            servo,
-            first,
-            last,
-            missing,
-            f"servo {servo} was asked {missing} times and never answered",
-            (Place(int(a["at"][rows[0]]), 1, int(a["t_first"][rows[0]]), "the first request"),),
-            brief=f"servo {servo} never answers ({missing} requests)",
-        )
-
-
-def _is_misread(case: Case, servo: int) -> bool:
-    """Tell whether all that a servo is asked may be what others are asked, with one bit misread.
-
-    What has no checksum holds all the same; and where that happens, other bits tear frames.
-    """
-    kinds = case.ledger.exchanges.kinds
-    mine = [k for k in range(len(kinds)) if kinds.servo_id[k] == servo]
-    if int(case.damage["n"].sum()) < int(kinds.n[mine].sum()):
-        return False
-    others = [k for k in range(len(kinds)) if kinds.servo_id[k] in case.answering]
-    return all(
-        case.protocol.checksum_of(kinds.example[k]) is None
-        and any(
-            kinds.n[q] >= MEANT * kinds.n[k]
-            and len(kinds.example[q]) == len(kinds.example[k])
-            and bits_wrong(kinds.example[q], kinds.example[k]) == 1
-            for q in others
-        )
-        for k in mine
-    )
 
 
 def silences(case: Case) -> Iterator[Finding]:
     """Servos that answered and stopped: for ever, for a while, or now and then."""
     for servo in case.answering:
-        spells = case.ledger.silences.of(servo)
-        for s in spells:
-            if s.back_ns is None and s.missed >= ENOUGH and not is_one_question(case, servo, s):
-                took = f" in {(case.last_ns - s.first_ns) / NS:.3g} s" if case.has_clock else ""
-                ordered = told_to_start(case, servo, [s])
-                yield Finding(
-                    "silent-since",
-                    servo,
-                    s.first_ns,
-                    case.last_ns,
-                    s.missed,
-                    f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
-                    f"{counted(s.missed, 'request')}{took}"
-                    + ("; it was told to start anew just before" if ordered else ""),
-                    (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
-                    brief=f"servo {servo} silent to the end",
-                )
-        away = _outages(case, servo)
+        yield from _to_the_end(case, servo)
+        away = outages(case, servo)
         if away:
             yield _away(case, servo, away)
             if len(away) >= AGAIN and not _mostly_short(case, servo, away):
@@ -206,23 +116,47 @@ def silences(case: Case) -> Iterator[Finding]:
         yield from _rhythm(case, servo)
 
 
-def _outages(case: Case, servo: int) -> list[Silence]:
-    """Return the silences that are no chance among single losses."""
-    kept = case.ledger.silences
-    lengths = kept.lengths(servo)
-    runs, asked = sum(lengths), case.total("asked", servo)
-    if not runs:
-        return []
-    late = kept.late(servo)
-    missing = case.total("missing", servo) - (late.missed if late else 0)
-    share = min(missing / max(asked, 1), 1.0)
-    several = lengths[1] + lengths[2]
-    if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
-        return [s for s in kept.runs(servo) if s.missed > 1]
-    by_chance = asked * share * (1 - share)  # stretches, if each request were lost by itself
-    if lengths[2] > CHANCE * runs * share**2 or (lengths[2] and TOGETHER * runs < by_chance):
-        return [s for s in kept.of(servo) if s.back_ns is not None]
-    return []
+def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
+    """Yield that a servo answers nothing until the end.
+
+    It counts the less the shorter that is, where it may just start anew while others are there.
+    """
+    s = ending(case, servo)
+    is_short = s is not None and bool(seldom_away(case, servo))
+    if s is None or not (is_short or s.missed >= ENOUGH or is_for_good(case, s)):
+        return
+    took_ns = case.last_ns - s.first_ns
+    took = f"{took_ns / NS:.3g} s" if case.has_clock else counted(s.missed, "request")
+    ordered = told_to_start(case, servo, [s])
+    yield Finding(
+        "silent-since",
+        servo,
+        s.first_ns,
+        case.last_ns,
+        s.missed,
+        f"servo {servo} answered until {case.since(s.before_ns)} and not once since, "
+        f"{counted(s.missed, 'request')}"
+        + (f" in {took}" if case.has_clock else "")
+        + ("; it was told to start anew just before" if ordered else ""),
+        (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
+        strength=min(took_ns / START_NS if case.has_clock else s.missed / ENOUGH, 1.0)
+        if is_short
+        else 1.0,
+        brief=_gone(case, gone_with(case, servo, s)),
+    )
+
+
+def _gone(case: Case, group: Mapping[int, Silence]) -> str:
+    """Return the few words of servos that fell silent for good at one moment."""
+    lasted = [case.last_ns - one.first_ns for one in group.values()]
+    if case.has_clock:
+        took = between(
+            f"{min(lasted) / NS:.2g}", f"{max(lasted) / NS:.2g}", f"{max(lasted) / NS:.2g} s"
+        )
+    else:
+        missed = [one.missed for one in group.values()]
+        took = between(min(missed), max(missed), counted(max(missed), "request"))
+    return f"{servos(group)} silent to the end, for {took}"
 
 
 def _times_away(case: Case, servo: int, away: Sequence[Silence]) -> Sequence[Silence]:
@@ -250,10 +184,11 @@ def _usual(case: Case, servo: int) -> float:
 
 
 def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
-    longest = max(away, key=lambda s: s.lasted_ns if case.has_clock else s.missed)
-    told, missed = _lasted(case, longest)
+    told, missed = _lasted(case, away, is_one=len(away) == 1)
+    group = away_with(case, servo)
+    every = [s for one in group for s in outages(case, one)]
+    of_all = _lasted(case, every, is_one=len(away) == 1)[0]
     often = "once" if len(away) == 1 else f"{len(away)} times"
-    most = "" if len(away) == 1 else "at most "
     ordered = len(told_to_start(case, servo, away))
     times = "" if ordered == len(away) else f"{ordered} times "
     return Finding(
@@ -262,26 +197,36 @@ def _away(case: Case, servo: int, away: Sequence[Silence]) -> Finding:
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} was away {often}, {most}for {told}{missed}"
+        f"servo {servo} was away {often}, for {told}{missed}"
         + (f", {times}since it was told to start anew" if ordered else ""),
         tuple(
             Place(s.at, s.length, s.first_ns, "the first request without an answer")
             for s in away[:3]
         ),
         strength=min(0.8 + 0.1 * len(away), 1.0),
-        brief=f"servo {servo} silent for {told}"
+        brief=f"{servos(group)} silent {'at once ' if len(group) > 1 else ''}for {of_all}"
         + ("" if len(away) == 1 else f", {len(away)} times"),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )
 
 
-def _lasted(case: Case, s: Silence) -> tuple[str, str]:
-    """Return how long a silence was, and what to add to that; in requests where nobody knows."""
-    asked = f"{counted(s.missed, 'request')} in a row"
-    took_ms = s.lasted_ns / 1e6
+def _lasted(case: Case, away: Sequence[Silence], *, is_one: bool) -> tuple[str, str]:
+    """Return how long silences were, and what to add to that; in requests where nobody knows.
+
+    Of one, of whoever it is, the bounds are told, of several the shortest and the longest.
+    """
+    missed = [s.missed for s in away]
+    most = counted(max(missed), "request")
+    asked = f"{between(min(missed), max(missed), most)} in a row"
     if not case.has_clock:
         return asked, ""
-    return f"{took_ms:.0f} ms" if took_ms < LONG_MS else f"{took_ms / 1000:.0f} s", f" ({asked})"
+    spans = [t for s in away for t in (s.bounds_ns if is_one else (s.lasted_ns,))]
+    low_ms, high_ms = min(spans) / 1e6, max(spans) / 1e6
+    if high_ms < LONG_MS:
+        took = between(f"{low_ms:.0f}", f"{high_ms:.0f}", f"{high_ms:.0f} ms")
+    else:
+        took = between(f"{low_ms / 1000:.0f}", f"{high_ms / 1000:.0f}", f"{high_ms / 1000:.0f} s")
+    return took, f" ({asked})"
 
 
 def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]:
@@ -371,8 +316,8 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
         servo,
         runs[0].first_ns,
         runs[-1].back_ns or 0,
-        missing,
-        f"servo {servo} left {missing} of {asked} requests without an answer, one by one; "
+        len(runs),
+        f"servo {servo} left {missing} of {asked} requests without an answer, in {counted(len(runs), 'outage')}; "
         f"all others {others_missing} of {others}",
         tuple(Place(s.at, s.length, s.first_ns, "a request without an answer") for s in runs[:3]),
         strength=min(0.8 + missing / 50, 1.0),
@@ -380,5 +325,5 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (never_answered, silences)
+RULES: Final[tuple[Rule, ...]] = (silences,)
 """The rules of this area."""

@@ -85,7 +85,7 @@ def one_question(case: Case) -> Iterator[Finding]:
             "one-question-unanswered",
             servo,
             runs,
-            f"{times} of {len(runs)} silences of servo {servo} begin with one and the same request, "
+            f"{times} of {len(runs)} outages of servo {servo} begin with one and the same request, "
             f"{which}, which is {share:.0%} of what it answers",
             sureness(chance),
         )
