@@ -42,7 +42,7 @@ class TornAnswers(Remembering):
         *,
         across: bool,
     ) -> Mask:
-        """Tell for each of the ``kept`` rows whether torn bytes stand where its answer should.
+        """Tell for each row whether torn bytes stand where its answer should, or behind it.
 
         Args:
             frames: all rows of the block.
@@ -73,14 +73,14 @@ class TornAnswers(Remembering):
         torn = _unclaimed_behind(frames, block, decided, self._protocol.blank)
         cut = across or self._behind is not None
         if not cut and not torn.any():
-            return torn[:kept]
+            return torn
         sends = frames.kind == REQUEST
         together = sends[1:] & sends[:-1] & ~torn[:-1]
         if together.any() and len(block.barriers):
             segment = block.segment(frames.start)
             together &= segment[1:] == segment[:-1]
         if not cut and not together.any():
-            return torn[:kept]
+            return torn
         first = sends.copy()
         first[1:] &= ~together
         turn = np.cumsum(first) * sends
@@ -93,7 +93,7 @@ class TornAnswers(Remembering):
         self._behind = None
         if kept < len(frames) and together[kept - 1] and latest[kept - 1] >= 0:
             self._behind = base + int(frames.start[latest[kept - 1]])
-        return torn[:kept]
+        return torn
 
     def _latest(self, frames: Frames, turn: I64, answered: I64, base: int) -> I64:
         """Return what answers the last answered request of each row's turn up to it, or -1."""

@@ -68,10 +68,10 @@ class RequestRows:
         t, f = batch.transactions, batch.frames
         place = np.full(len(f) + 1, -1)
         place[self._asks] = np.arange(self._first, len(self))
-        row = t.request
-        here = place[np.maximum(row, -1)]
+        row, own = t.request, batch.rows_of(t.request)
+        here = place[np.maximum(own, -1)]
         if (row < -1).any() and self._first:  # of earlier passes
-            earlier = np.flatnonzero(row < -1)
+            earlier = np.flatnonzero((row < -1) & (own < 0))
             at = batch.asked(row[earlier]).start + batch.base
             held = np.minimum(np.searchsorted(self._held.at, at), self._first - 1)
             here[earlier] = np.where(self._held.at[held] == at, held, -1)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from sniffer.ground.distinct import numbers
+from sniffer.protocols.listing import Targets
 from sniffer.protocols.packets.declare import LISTED
 
 if TYPE_CHECKING:
@@ -47,13 +48,15 @@ class Nth(NamedTuple):
 class Tables(Protocol):
     """What is known of a family's commands before a byte is read.
 
-    ``shapes`` by code; ``together``, for each of the 256 codes, whether one packet answers for all.
+    ``shapes`` by code; ``together``, for each of the 256 codes, whether one packet answers for all;
+    ``each``, how far every servo owes an answer.
     """
 
     family: PacketFamily
     plan: Plan
     shapes: dict[int, Shape]
     together: Mask
+    each: U8
 
 
 def column(data: U8, at: I64, width: int) -> I64:
@@ -195,3 +198,32 @@ def listed(
     good = all_in_one[length[all_in_one] == due[asked[all_in_one]]]
     good = good[np.isin(servo_id[good], of.family.silent)]
     address[good], token[good] = place[asked[good]], LISTED
+
+
+def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Targets:
+    """Return whom requests list; an id that is listed twice answers once.
+
+    Args:
+        of: the family's tables.
+        body: parameters of all rows.
+        code: of all rows.
+        lists: which of them are such requests.
+    """
+    rows = np.flatnonzero(lists)
+    found = [
+        step
+        for k in numbers(code[rows]).tolist()
+        for step in steps(body, rows[code[rows] == k], of.shapes[k])
+    ]
+    row, servo_id, address, length = (
+        np.concatenate([np.empty(0, np.int64), *(np.asarray(s[i], np.int64) for s in found)])
+        for i in range(4)
+    )
+    _, first = np.unique(row << 8 | servo_id, return_index=True)
+    first = first[~np.isin(servo_id[first], of.family.silent)]
+    order = np.sort(first)  # steps come one after the other, so rows are out of order between them
+    order = order[np.argsort(row[order], kind="stable")]
+    row, servo_id = row[order], servo_id[order]
+    together = of.together[code[row]]
+    by = np.where(together, next(iter(of.family.silent), -1), servo_id)
+    return Targets(row, servo_id, by, address[order], length[order], of.each[code[row]])

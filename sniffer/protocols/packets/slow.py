@@ -16,6 +16,7 @@ from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.dissection import leaves
+from sniffer.protocols.listing import Target
 from sniffer.protocols.packets.declare import (
     ADDRESS_AT,
     ANY,
@@ -212,6 +213,7 @@ class Slow:
         if "targets" in fields:
             if not _brings(command):
                 out.token, out.data = LISTED, b""
+                out.targets = self._listed(out, command) if out.reply == MANY else ()
         elif "length" in fields and "data" not in fields:
             out.token, out.data = fields.length, b""
         brought = params if command.at >= 0 else fields.get("data", b"")
@@ -260,6 +262,16 @@ class Slow:
         if before.servo_id not in family.anyone and before.servo_id != packet.servo_id:
             return True
         return len(params) not in (0, before.token) or raw == before.raw
+
+    def _listed(self, frame: SlowFrame, command: Command) -> tuple[Target, ...]:
+        """Return whom a request lists, each once, and under which id each answers."""
+        silent = self.family.silent
+        ids = dict.fromkeys(t.servo_id for t in self._targets(frame))
+        return tuple(
+            Target(servo_id, next(iter(silent), -1) if command.together else servo_id, command.each)
+            for servo_id in ids
+            if servo_id not in silent
+        )
 
     def _targets(self, frame: SlowFrame) -> list[_Target]:
         """Return the servos that a command to several names."""
