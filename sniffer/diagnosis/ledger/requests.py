@@ -76,6 +76,8 @@ class RequestRows:
             held = np.minimum(np.searchsorted(self._held.at, at), self._first - 1)
             here[earlier] = np.where(self._held.at[held] == at, held, -1)
         told = np.flatnonzero(here >= 0)
+        # A request to a list is told of once a servo: that one of them owes it is told last.
+        told = told[np.argsort(has_failed(t.outcome[told]), kind="stable")]
         here, response, outcome = here[told], t.response[told], t.outcome[told]
         self.outcome[here] = outcome
         self.answer_end[here] = np.where(response >= 0, f.t_end[np.maximum(response, 0)], -1)
