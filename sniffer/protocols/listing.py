@@ -13,10 +13,9 @@ if TYPE_CHECKING:
 
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I64, U8, Frames
-    from sniffer.protocols.base import Framing
 
 
-class Targets(NamedTuple):
+class Listing(NamedTuple):
     """Servos that requests list, a row each, in the order in which they are to answer.
 
     ``by`` is the id that the answer bears: the servo's own, or that of one packet for all of them.
@@ -31,7 +30,7 @@ class Targets(NamedTuple):
     reply: U8
 
 
-class Target(NamedTuple):
+class ListedServo(NamedTuple):
     """One of them, for the oracle."""
 
     servo_id: int
@@ -39,7 +38,7 @@ class Target(NamedTuple):
     reply: int
 
 
-def targets_of(protocol: Framing, block: Block, frames: Frames) -> Targets | None:
+def targets_of(protocol: object, block: Block, frames: Frames) -> Listing | None:
     """Return whom the requests among some frames of a block list; None: none lists anybody.
 
     A protocol may say it as ``targets``. It is no part of the interface: of one that does not, a
@@ -50,7 +49,7 @@ def targets_of(protocol: Framing, block: Block, frames: Frames) -> Targets | Non
         block: what they stand in.
         frames: rows of it.
     """
-    told: Callable[[Block, Frames], Targets] | None = getattr(protocol, "targets", None)
+    told: Callable[[Block, Frames], Listing] | None = getattr(protocol, "targets", None)
     if told is None or not np.any(frames.reply == MANY):
         return None
     found = told(block, frames)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.protocols.base import BusProtocol, SlowFrame
-    from sniffer.protocols.listing import Target
+    from sniffer.protocols.listing import ListedServo
 
 
 FrameRow = tuple[int, int, int, int, int, int, bytes, int, int, int, int, int, int, int]
@@ -57,7 +57,7 @@ class _Pair:
     response: SlowFrame | None
     outcome: int
     took: int = -1
-    target: Target | None = None
+    target: ListedServo | None = None
     """Which servo it is about, where the request lists several."""
 
 

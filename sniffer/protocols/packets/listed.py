@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from sniffer.ground.distinct import numbers
-from sniffer.protocols.listing import Targets
+from sniffer.protocols.listing import Listing
 from sniffer.protocols.packets.declare import LISTED
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ def listed(
     address[good], token[good] = place[asked[good]], LISTED
 
 
-def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Targets:
+def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Listing:
     """Return whom requests list; an id that is listed twice answers once.
 
     Args:
@@ -226,4 +226,4 @@ def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Targets:
     row, servo_id = row[order], servo_id[order]
     together = of.together[code[row]]
     by = np.where(together, next(iter(of.family.silent), -1), servo_id)
-    return Targets(row, servo_id, by, address[order], length[order], of.each[code[row]])
+    return Listing(row, servo_id, by, address[order], length[order], of.each[code[row]])

@@ -17,7 +17,7 @@ from sniffer.protocols.shapes import Addressed, Parts
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Frames, Mask
     from sniffer.protocols.base import State, Values
-    from sniffer.protocols.listing import Targets
+    from sniffer.protocols.listing import Listing
     from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.listed import Bytes
 
@@ -62,7 +62,7 @@ class Readings:
             block = Block(body.data, block.barriers, block.final)
         return self._shapes.read(block, parts, state)
 
-    def targets(self, block: Block, frames: Frames) -> Targets:
+    def targets(self, block: Block, frames: Frames) -> Listing:
         """Return whom the requests that read several servos list."""
         columns = self._columns
         lists = (frames.kind == REQUEST) & (frames.token == LISTED) & (frames.reply == MANY)

@@ -16,7 +16,7 @@ from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.dissection import leaves
-from sniffer.protocols.listing import Target
+from sniffer.protocols.listing import ListedServo
 from sniffer.protocols.packets.declare import (
     ADDRESS_AT,
     ANY,
@@ -263,12 +263,14 @@ class Slow:
             return True
         return len(params) not in (0, before.token) or raw == before.raw
 
-    def _listed(self, frame: SlowFrame, command: Command) -> tuple[Target, ...]:
+    def _listed(self, frame: SlowFrame, command: Command) -> tuple[ListedServo, ...]:
         """Return whom a request lists, each once, and under which id each answers."""
         silent = self.family.silent
         ids = dict.fromkeys(t.servo_id for t in self._targets(frame))
         return tuple(
-            Target(servo_id, next(iter(silent), -1) if command.together else servo_id, command.each)
+            ListedServo(
+                servo_id, next(iter(silent), -1) if command.together else servo_id, command.each
+            )
             for servo_id in ids
             if servo_id not in silent
         )
