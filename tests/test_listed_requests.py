@@ -92,7 +92,15 @@ def test_one_packet_that_answers_for_all_is_the_answer_of_each() -> None:
     whole = joint([(servo, 0, bytes([servo, 8])) for servo in (1, 2, 3)])
     assert became("dynamixel2", FAST, whole) == [(s, OK) for s in (1, 2, 3)]
     assert became("dynamixel2", FAST) == [(s, NO_RESPONSE) for s in (1, 2, 3)]
-    assert became("dynamixel2", FAST, whole[:-9]) == [(s, DAMAGED) for s in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(("size", "torn"), [(5, 1), (14, 1), (15, 2), (20, 2), (21, 3), (25, 3)])
+def test_of_a_packet_for_all_that_is_cut_short_each_owes_what_is_not_in_it(
+    size: int, torn: int
+) -> None:
+    whole = joint([(servo, 0, bytes([servo, 8])) for servo in (1, 2, 3)])
+    told = became("dynamixel2", FAST, whole[:size])
+    assert told == [(s, DAMAGED if s <= torn else NO_RESPONSE) for s in (1, 2, 3)]
 
 
 def test_who_owes_is_named_in_the_record_and_in_the_anomaly() -> None:

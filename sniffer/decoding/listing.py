@@ -35,6 +35,8 @@ class Questions:
     outcome: U8
     behind: I64
     """The row behind which its answer stands or should stand."""
+    begins: I64
+    """How many bytes of a packet for all stand before its own."""
 
     def take(self, index: Mask) -> Questions:
         """Return some of them."""
@@ -44,6 +46,7 @@ class Questions:
             self.answer[index],
             self.outcome[index],
             self.behind[index],
+            self.begins[index],
         )
 
     def later(self, n: int) -> tuple[Frames, I64, I64]:
@@ -55,15 +58,18 @@ class Questions:
         """Return those that no row from ``n`` on answers."""
         return self.take(self.answer < n)
 
-    def told(self, torn: Mask, took: I64, spread: I64) -> Beside:
+    def told(self, torn: Mask, room: I64, took: I64, spread: I64) -> Beside:
         """Return their transactions.
 
         Args:
             torn: behind which rows torn bytes stand.
+            room: how many stand right behind each.
             took: the response time of each row that is an answer.
             spread: its uncertainty.
         """
         answered = self.answer >= 0
+        # Of a packet for all that is cut short, those whose bytes are not in it said nothing.
+        reached = (self.begins == 0) | (room[self.behind] > self.begins)
         return Beside(
             self.asks,
             self.answer,
@@ -71,7 +77,7 @@ class Questions:
             np.where(answered, took[self.answer], -1),
             np.where(answered, spread[self.answer], -1),
             np.where(answered, self.answer, self.row),
-            torn[self.behind] & ~answered,
+            torn[self.behind] & reached & ~answered,
         )
 
 
@@ -136,7 +142,7 @@ def questions_of(
     if targets is None:
         return None
     sent = frames.flags[targets.row] & ECHO == 0
-    row, servo_id, by, address, length, reply = (column[sent] for column in targets)
+    row, servo_id, by, address, length, reply, begins = (column[sent] for column in targets)
     n = len(row)
     asks = replace(
         frames.take(row),
@@ -158,4 +164,5 @@ def questions_of(
     # The last one before it in its list that answered, carried forward; else the request itself.
     last = np.maximum.accumulate(np.append(-1, np.where(found, np.arange(n), -1)))[:n]
     is_same = (last >= 0) & (row[last] == row)
-    return Questions(asks, row, mine, outcome, np.where(is_same, mine[last], row))
+    behind = np.where(is_same, mine[last], row)
+    return Questions(asks, row, mine, outcome, behind, begins)

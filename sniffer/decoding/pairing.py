@@ -19,7 +19,7 @@ from sniffer.decoding.echo import Echoes
 from sniffer.decoding.listing import Beside, questions_of
 from sniffer.decoding.matching import match, match_in_order, outcomes
 from sniffer.decoding.staging import StagedIds
-from sniffer.decoding.torn import TornAnswers
+from sniffer.decoding.torn import TornAnswers, room_behind
 from sniffer.ground.asked import own_rows
 from sniffer.ground.codes import (
     MANY,
@@ -277,7 +277,8 @@ class Pairing(Remembering):
         beside = _of_due(frames, due, late, late_how)
         if questions is not None:
             keep[questions.row] = False
-            beside = beside.and_those(questions.until(n).told(torn, took, spread))
+            room = room_behind(whole, block, decided)
+            beside = beside.and_those(questions.until(n).told(torn, room, took, spread))
         keep[beside.place] = False
         place = np.flatnonzero(keep)
         transactions = Transactions(request, response, outcome, took, spread).take(place)

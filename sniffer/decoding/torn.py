@@ -107,8 +107,15 @@ class TornAnswers(Remembering):
         return latest
 
 
-def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) -> Mask:
-    """Tell behind which rows unclaimed bytes stand."""
+def room_behind(frames: Frames, block: Block, decided: int) -> I64:
+    """Return how many unclaimed bytes stand behind each row; behind an echoed one, its echo."""
+    room = _room(frames, block, decided)
+    echo = np.flatnonzero(frames.flags & ECHO)
+    room[echo - 1] += room[echo]
+    return room
+
+
+def _room(frames: Frames, block: Block, decided: int) -> I64:
     end = frames.end
     following = np.append(frames.start[1:], decided)
     if len(block.barriers):
@@ -116,13 +123,20 @@ def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) 
     if block.foreign is not None:
         row = np.searchsorted(block.foreign, end)
         following = np.minimum(following, np.append(block.foreign, block.n)[row])
-    torn: Mask = following > end
+    room: I64 = following - end
+    return room
+
+
+def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) -> Mask:
+    """Tell behind which rows unclaimed bytes stand."""
+    room, end = _room(frames, block, decided), frames.end
+    torn: Mask = room > 0
     if not torn.any():
         return torn
     if blank:
         data = block.data.tobytes()
         for i in np.flatnonzero(torn).tolist():
-            if not data[int(end[i]) : int(following[i])].strip(blank):
+            if not data[int(end[i]) : int(end[i] + room[i])].strip(blank):
                 torn[i] = False
     echo = np.flatnonzero(frames.flags & ECHO)
     torn[echo - 1] |= torn[echo]

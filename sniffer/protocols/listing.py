@@ -20,6 +20,7 @@ class Listing(NamedTuple):
 
     ``by`` is the id that the answer bears: the servo's own, or that of one packet for all of them.
     ``address`` and ``length`` are of what it is asked for, ``reply`` says how far it owes that.
+    ``begins`` is how many bytes of the packet stand before its own: 0 for the first, who begins it.
     """
 
     row: I64  # of the request
@@ -28,6 +29,7 @@ class Listing(NamedTuple):
     address: I64
     length: I64
     reply: U8
+    begins: I64
 
 
 class ListedServo(NamedTuple):
@@ -36,6 +38,7 @@ class ListedServo(NamedTuple):
     servo_id: int
     by: int
     reply: int
+    begins: int
 
 
 def targets_of(protocol: object, block: Block, frames: Frames) -> Listing | None:

@@ -244,7 +244,11 @@ class Reference:
                     or (whom.reply == IF_READ and mode != 0)
                     or (whom.reply == IF_ALL and mode == 2)
                 )
-                is_torn = id(_before(p, pairs)) in torn
+                where = _before(p, pairs)
+                is_torn = id(where) in torn
+                if p.target is not None and p.target.begins and where is not None:
+                    # of a packet for all that is cut short, those not in it said nothing
+                    is_torn &= _room_behind(where, frames, stop) > p.target.begins
                 p.outcome = (DAMAGED if is_torn else NO_RESPONSE) if expected else NOT_EXPECTED
             # Of several open requests the answer may be another's: right behind its own it is not.
             right_behind = q is not None and r is not None and row[id(r)] == row[id(q)] + 1
@@ -357,6 +361,17 @@ def _before(p: _Pair, pairs: list[_Pair]) -> SlowFrame | None:
     targets = p.request.targets
     before = [answered[t] for t in targets[: targets.index(p.target)]]
     return next((r for r in reversed(before) if r is not None), p.request)
+
+
+def _room_behind(f: SlowFrame, frames: list[SlowFrame], stop: int) -> int:
+    """Return how many bytes behind a frame, or behind its echo, no frame claims."""
+    row = frames.index(f)
+    room = 0
+    for k in range(row, len(frames)):
+        if k > row and not frames[k].flags & ECHO:
+            break
+        room += (frames[k + 1].start if k + 1 < len(frames) else stop) - frames[k].end
+    return room
 
 
 def _place(p: _Pair) -> int:

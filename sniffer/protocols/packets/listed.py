@@ -219,11 +219,14 @@ def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Listing:
         np.concatenate([np.empty(0, np.int64), *(np.asarray(s[i], np.int64) for s in found)])
         for i in range(4)
     )
-    _, first = np.unique(row << 8 | servo_id, return_index=True)
-    first = first[~np.isin(servo_id[first], of.family.silent)]
-    order = np.sort(first)  # steps come one after the other, so rows are out of order between them
-    order = order[np.argsort(row[order], kind="stable")]
-    row, servo_id = row[order], servo_id[order]
+    order = np.argsort(row, kind="stable")  # steps come one after the other, row by row
+    row, servo_id, address, length = row[order], servo_id[order], address[order], length[order]
     together = of.together[code[row]]
+    size = np.cumsum(length + 2 + of.plan.sum_width) - (length + 2 + of.plan.sum_width)
+    first = np.searchsorted(row, row)
+    begins = np.where(together & (size > size[first]), of.plan.tail_at + size - size[first], 0)
     by = np.where(together, next(iter(of.family.silent), -1), servo_id)
-    return Listing(row, servo_id, by, address[order], length[order], of.each[code[row]])
+    _, once = np.unique(row << 8 | servo_id, return_index=True)
+    once = np.sort(once[~np.isin(servo_id[once], of.family.silent)])
+    told = Listing(row, servo_id, by, address, length, of.each[code[row]], begins)
+    return Listing(*(column[once] for column in told))

@@ -265,15 +265,16 @@ class Slow:
 
     def _listed(self, frame: SlowFrame, command: Command) -> tuple[ListedServo, ...]:
         """Return whom a request lists, each once, and under which id each answers."""
-        silent = self.family.silent
-        ids = dict.fromkeys(t.servo_id for t in self._targets(frame))
-        return tuple(
-            ListedServo(
-                servo_id, next(iter(silent), -1) if command.together else servo_id, command.each
-            )
-            for servo_id in ids
-            if servo_id not in silent
-        )
+        silent, out = self.family.silent, dict[int, ListedServo]()
+        head = len(frame.raw) - self._behind - len(self._read(frame)[0])
+        begins = 0
+        for t in self._targets(frame):
+            by = next(iter(silent), -1) if command.together else t.servo_id
+            at = head + begins if command.together and begins else 0
+            if t.servo_id not in silent:
+                out.setdefault(t.servo_id, ListedServo(t.servo_id, by, command.each, at))
+            begins += t.length + 2 + self._sum_width
+        return tuple(out.values())
 
     def _targets(self, frame: SlowFrame) -> list[_Target]:
         """Return the servos that a command to several names."""
