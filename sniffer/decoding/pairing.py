@@ -75,7 +75,7 @@ class Paired:
     @property
     def by_own_rows(self) -> Transactions:
         """The transactions with the row that each request stands in, -1 where that is none here."""
-        request = own_rows(self.frames, self.before, self.transactions.request)
+        request = own_rows(self.frames.start, self.before.start, self.transactions.request)
         return replace(self.transactions, request=request)
 
     def told(self, transactions: Transactions) -> Transactions:

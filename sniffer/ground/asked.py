@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from sniffer.ground.model import I64, Frames
+_I64 = npt.NDArray[np.int64]
 
 
-def own_rows(frames: Frames, before: Frames | None, request: I64) -> I64:
+def own_rows(start: _I64, before: _I64, request: _I64) -> _I64:
     """Return the row of the frame that each request is said by; -1: none, or of an earlier batch.
 
     A request to a list of servos is one row, and what it asks of each servo stands in ``before``.
 
     Args:
-        frames: a batch's own.
-        before: the requests beside them.
+        start: where each frame of a batch begins.
+        before: where the requests beside them do.
         request: as ``Transactions`` has it.
     """
     named = np.flatnonzero(request < -1)
-    if before is None or not len(named):
+    if not len(named):
         return request
-    start = before.start[-2 - request[named]]
-    row = np.minimum(np.searchsorted(frames.start, start), max(len(frames) - 1, 0))
+    wanted = before[-2 - request[named]]
+    row = np.minimum(np.searchsorted(start, wanted), max(len(start) - 1, 0))
     out = request.copy()
-    out[named] = np.where(frames.start[row] == start, row, -1) if len(frames) else -1
+    out[named] = np.where(start[row] == wanted, row, -1) if len(start) else -1
     return out

@@ -79,10 +79,9 @@ class MarkKind(enum.IntEnum):
 class Mark(NamedTuple):
     """One remark about a chunk.
 
-    ``start`` counts from the chunk's first byte and is negative where bytes before the chunk are
-    meant; ``length`` 0 stands for a place between two bytes. The bytes are a region of doubt: many
-    adapters tell that there was an error in a packet, not in which byte. ``count`` is how many
-    errors a driver's counter told, or as the kind says.
+    ``start`` counts from the chunk's first byte, negative where bytes before it are meant;
+    ``length`` 0 stands for a place between two. They are a region of doubt: many adapters tell that
+    there was an error in a packet, not where. ``count``: what a driver's counter told, or by kind.
     """
 
     kind: MarkKind
@@ -374,7 +373,8 @@ class Batch:
 
     def rows_of(self, request: I64) -> I64:
         """Return which of its rows says each request; -1: none of them."""
-        return own_rows(self.frames, self.before, request)
+        before = request[:0] if self.before is None else self.before.start
+        return own_rows(self.frames.start, before, request)
 
 
 class SnifferError(Exception):
