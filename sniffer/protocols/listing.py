@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.ground.framing import Block
-    from sniffer.ground.model import I64, U8, Frames
+    from sniffer.ground.model import I64, Frames
 
 
 class Listing(NamedTuple):
@@ -28,7 +28,7 @@ class Listing(NamedTuple):
     by: I64
     address: I64
     length: I64
-    reply: U8
+    reply: I64
     begins: I64
 
 

@@ -228,5 +228,6 @@ def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Listing:
     by = np.where(together, next(iter(of.family.silent), -1), servo_id)
     _, once = np.unique(row << 8 | servo_id, return_index=True)
     once = np.sort(once[~np.isin(servo_id[once], of.family.silent)])
-    told = Listing(row, servo_id, by, address, length, of.each[code[row]], begins)
+    reply = of.each[code[row]].astype(np.int64)
+    told = Listing(row, servo_id, by, address, length, reply, begins)
     return Listing(*(column[once] for column in told))
