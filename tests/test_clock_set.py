@@ -13,6 +13,8 @@ import pytest
 import sniffer
 from sniffer.ground.heard import SET_BACK_NS, HeardSpan, was_set
 from sniffer.ground.model import NS
+from sniffer.inside.index import CaptureIndex
+from sniffer.inside.places import line_of
 from tests.commands import within
 
 if TYPE_CHECKING:
@@ -79,6 +81,123 @@ def test_a_part_ends_where_its_end_comes_first(
     assert within(capsys, "cut", summer_ends, "--to", "1", "-o", out).status == 0
     cut = sniffer.decode(out).summary.buses["bus0"].bytes
     assert cut == pytest.approx(json.loads(shown.out.splitlines()[-1])["bytes"], abs=100)
+
+
+def _frames(capsys: Capsys, *command: str | Path) -> list[tuple[int, str]]:
+    """Return which frames a command shows."""
+    out = within(capsys, *command, "--protocol", "mightyzap", "--format", "jsonl").out
+    rows = [json.loads(line) for line in out.splitlines()]
+    return [(row["offset"], row["hex"]) for row in rows if row["type"] == "frame"]
+
+
+@pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])
+@pytest.mark.parametrize(
+    "part",
+    [
+        "--from 5 --to 5.5",
+        "--from -500ms",
+        "--from @byte:12175 --around 20ms",
+        "--from @noise:20 --around 50ms",
+    ],
+)
+def test_a_part_behind_a_clock_that_was_set_is_that_of_one_that_was_not(
+    part: str, which: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: Capsys
+) -> None:
+    """Second 5 was never reached, and -500ms lay before the clock was set."""
+    capture: Path = request.getfixturevalue(which)
+    words = part.split()
+    shown = [_frames(capsys, "decode", path, *words) for path in (CAPTURE, capture)]
+    assert shown[0]
+    # as long as the silence was in which the clock was set what comes behind it is said earlier
+    assert len({*shown[0]} ^ {*shown[1]}) <= 2
+    cuts = []
+    for path in (CAPTURE, capture):
+        out = tmp_path / f"{path.stem}.bin"
+        assert within(capsys, "cut", path, *words, "-o", out).status == 0
+        cuts.append(out.read_bytes())
+    assert abs(len(cuts[0]) - len(cuts[1])) <= 60
+    assert cuts[0][100:150] in cuts[1]
+
+
+@pytest.mark.parametrize(
+    ("part", "first", "last"),
+    [
+        ("--from 21:55:10.5 --to 21:55:11", "21:55:10.5", "21:55:11"),
+        ("--from 22:55:07 --to 22:55:08", "22:55:07", "22:55:08"),
+        ("--from 22:55:06.5 --to 22:55:07", "22:55:06.5", "22:55:07"),
+    ],
+)
+def test_a_time_of_day_is_what_the_stamps_say_where_the_clock_was_set_back(
+    part: str, first: str, last: str, summer_ends: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    words = part.split()
+    told = within(capsys, "decode", summer_ends, *words, "--protocol", "mightyzap")
+    assert "second 0 to 0" not in told.err
+    lines = re.findall(r"^(\d\d:\d\d:\d\d\.\d+) ", told.out, re.MULTILINE)
+    assert lines[0].startswith(first[:8])
+    assert lines[0] >= first
+    assert lines[-1] <= last
+    out = tmp_path / "part.log"
+    assert within(capsys, "cut", summer_ends, *words, "-o", out).status == 0
+    frames = sniffer.decode(out).summary.buses["bus0"].kinds
+    shown = _frames(capsys, "decode", summer_ends, *words)
+    assert sum(frames.values()) == pytest.approx(len(shown), abs=5)
+
+
+def test_a_time_of_day_is_that_of_the_day_the_clock_was_set_to(
+    told_the_time: Path, capsys: Capsys
+) -> None:
+    told = within(capsys, "decode", told_the_time, "--from", "22:55:11", "--to", "22:55:12")
+    lines = re.findall(r"^(\d\d:\d\d:\d\d\.\d+) ", told.out, re.MULTILINE)
+    assert lines[0].startswith("22:55:11.")
+    assert lines[-1].startswith("22:55:11.")
+
+
+@pytest.mark.parametrize("begin", [[], ["--from", "1"]])
+def test_pieces_of_a_capture_whose_clock_was_set_are_as_long_as_was_asked_for(
+    begin: list[str], summer_ends: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    split = within(capsys, "cut", summer_ends, *begin, "--split", "1s", "-o", tmp_path / "p.log")
+    assert split.status == 0
+    pieces = sorted(tmp_path.glob("p-*.log"))
+    lengths = [sniffer.decode(piece).summary.buses["bus0"].seconds or 0 for piece in pieces]
+    assert lengths[:-1] == pytest.approx([1.0] * (len(pieces) - 1), abs=0.05)
+    assert sum(lengths) == pytest.approx(7 if begin else 8, abs=0.2)
+    assert pieces[0].name == "p-0001.log"
+
+
+def test_times_since_the_first_line_go_on_where_the_clock_was_set(
+    summer_ends: Path, capsys: Capsys
+) -> None:
+    """They were -3595 s."""
+    for times, most in (("rel", 8.1), ("delta", 0.2)):
+        out = within(capsys, "decode", summer_ends, "--time", times).out
+        seconds = [float(t) for t in re.findall(r"^ +(-?\d+\.\d+) ", out, re.MULTILINE)]
+        assert len(seconds) > 1000
+        assert min(seconds) >= -0.01
+        assert max(seconds) <= most
+
+
+@pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])
+def test_a_capture_is_opened_where_it_was_asked_for_though_its_clock_was_set(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    """``g`` went to a line of before, or to none."""
+    at = {}
+    capture: Path = request.getfixturevalue(which)
+    for path in (CAPTURE, capture):
+        index = CaptureIndex()
+        for bus, protocol, batch in sniffer.decode(path).batches:
+            index.write(bus, protocol, batch)
+        index.close()
+        words = ("5", "-1", "@noise:20-500ms", "22:55:12" if which == "told_the_time" else "7")
+        at[path] = [line_of(text, index) for text in words]
+        if which == "summer_ends" and path != CAPTURE:
+            begun = line_of("21:55:12", index)
+            assert abs(begun - at[CAPTURE][-1] + 87) < 200
+        index.discard()
+    apart = np.array(at[CAPTURE]) - np.array(at[capture])
+    assert np.abs(apart).max() <= 2
 
 
 @pytest.mark.parametrize("which", ["summer_ends", "told_the_time"])

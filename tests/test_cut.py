@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import sniffer
 from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.partends import PartEnds
 from sniffer.decoding.parting import Slicer
 from sniffer.decoding.spans import Span, sliced
 from sniffer.ground.model import Batch, Chunk, MarkKind
@@ -72,8 +73,9 @@ def test_a_part_says_what_the_whole_says_there(name: str, data: st.DataObject) -
     whole = decoded(name, told)
     slicer = Slicer()
     length = told[-1].t_ns - START_NS if told[-1].t_ns else 0
-    slicer.from_ns = START_NS + data.draw(st.integers(0, length))
-    slicer.to_ns = slicer.from_ns + data.draw(st.integers(1_000_000, length))
+    from_ns = START_NS + data.draw(st.integers(0, length))
+    ends = PartEnds(from_ns, from_ns + data.draw(st.integers(1_000_000, length)))
+    slicer.find(lambda parts: lambda told_ns: ends)
     for batch in whole:
         slicer.write("bus0", PROTOCOLS[name], batch)
     found = slicer.spans()
@@ -98,7 +100,8 @@ def test_a_part_is_cut_between_exchanges_and_not_within_one() -> None:
         t, f = batch.transactions, batch.frames
         paired = (t.request >= 0) & (t.response >= 0)
         torn = torn or int(f.t_end[t.request[paired][10]]) if paired.sum() > 10 else torn
-    slicer.from_ns = torn + 1  # behind a request, before its answer
+    ends = PartEnds(torn + 1)  # behind a request, before its answer
+    slicer.find(lambda parts: lambda told_ns: ends)
     for batch in whole:
         slicer.write("bus0", PROTOCOLS["mightyzap"], batch)
     part = [c for g in sliced([told], slicer.spans(), {"bus0": 1}) for c in g]

@@ -134,6 +134,25 @@ def test_two_buses_that_are_the_wires_of_one_line_are_told_so(
     assert told(capsys, bus).startswith("nothing is wrong")
 
 
+def test_two_files_that_are_the_wires_of_one_line_are_told_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Each was said to be half of a conversation, and which command joins them was not."""
+    paths = []
+    for name, kind in (("my ctl.log", "request"), ("srv.log", "response")):
+        frames = [f for f in simulate("mightyzap", seed=1, duration_s=12) if f.kind == kind]
+        paths.append(beside(tmp_path / name, candump(frame_reads(frames), "bus0").splitlines()))
+    for format_ in ("text", "json"):
+        done = within(capsys, "diagnose", *paths, "--format", format_)
+        first, second = (str(path) for path in paths)
+        assert f"What is asked in {first} is answered in {second}, by the same" in done.err
+        assert f"`sniffer merge '{first}' {second} --pair -o bus.mcap` makes them one" in done.err
+    assert "is answered in" not in within(capsys, "diagnose", paths[0], paths[0]).err
+    refused = within(capsys, "decode", *paths)
+    assert refused.status == 2
+    assert "`sniffer merge --pair`" in refused.err
+
+
 def test_which_wires_belong_together_is_not_guessed_where_arms_have_servos_of_the_same_ids(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -185,6 +204,19 @@ def test_the_verdict_of_a_report_names_the_bus(
     path, out = robot(tmp_path / "a.log", arm=(), leg=("dead:2@6s",)), tmp_path / "a.md"
     assert within(capsys, "report", path, "-o", out).status == 0
     assert "error: A servo that stopped answering on leg (servo 2)**" in out.read_text("utf-8")
+
+
+@pytest.mark.parametrize("seconds", [2, 7])
+def test_what_came_behind_the_last_frame_is_told_beside_how_long_frames_were_heard(
+    seconds: int, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Of 10 s of which the last 7 were torn it said 2.8 s."""
+    frames = list(simulate("mightyzap", seed=1, duration_s=3))
+    lines = candump(frame_reads(frames), "bus0").splitlines()
+    last = float(lines[-1][1:].partition(")")[0])
+    torn = [f"({last + k / 10:.6f}) bus0 #{k * 37 % 251:02X}A5" for k in range(1, 10 * seconds + 1)]
+    words = told(capsys, beside(tmp_path / "a.log", [*lines, *torn]))
+    assert ("then bytes of no frame for 7 s" in words) == (seconds == 7)
 
 
 def test_a_bus_that_says_nothing_more_while_others_go_on_is_told(

@@ -48,3 +48,4 @@ def test_a_joint_that_hangs_though_its_torque_was_switched_on_is_told_so(
     (incident,) = told.incidents()
     assert (incident.cause, incident.servo_ids) == ("torque-off", (2,))
     assert incident.next.startswith("Switch torque on") != switched_on
+    assert ("its position sensor stands still" in incident.next) == switched_on

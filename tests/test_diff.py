@@ -305,3 +305,18 @@ def test_anomalies_and_gaps_alone_are_compared_by_how_often_they_are_told(
     assert told["b"] == {"n": 180, "count": 36}
     assert compared(capsys, damaged, damaged, *asked)[0] == 0
     assert within(capsys, "diff", a, a, *asked).status == 2
+
+
+def test_runs_of_two_protocols_say_so_first_and_compare_no_registers(capsys: Capsys) -> None:
+    """The gain of one was held against that of the other, as though it had been changed."""
+    done = within(
+        capsys,
+        *("diff", CAPTURES / "mightyzap_clean.log", CAPTURES / "wck_clean.log"),
+        *("--format", "json"),
+    )
+    assert done.status == 1
+    first, *others = json.loads(done.out)["differences"]
+    assert (first["about"], first["bus"], first["servo_id"]) == ("protocol", "bus0", None)
+    assert first["sentence"].startswith("mightyzap is spoken in A, wck in B")
+    assert (first["a"]["protocol"], first["b"]["protocol"]) == ("mightyzap", "wck")
+    assert not [each for each in others if each["about"] in ("setting", "protocol")]

@@ -97,6 +97,33 @@ def test_clocks_are_told_from_what_two_taps_of_one_bus_heard(
     assert heard == [c.t_ns for c in got if c.bus == "b"]
 
 
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_two_taps_that_heard_the_whole_bus_are_not_taken_for_its_two_wires(
+    protocol: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    """All that both heard was there twice, and the line was said to run faster."""
+    told = simulated(protocol, 4.0)
+    a = lines(tmp_path / "a.log", moved(told[:-50], 0))
+    b = lines(tmp_path / "b.log", moved(told[50:], 3_000_000))
+    for more in ((), ("--align",)):
+        ran = within(capsys, "merge", a, b, "--pair", *more, "-o", tmp_path / "x.log")
+        assert ran.status == 2
+        assert f"{a} and {b} each heard requests and answers: two taps of the whole" in ran.err
+        assert "leave out --pair" in ran.err
+    assert within(capsys, "merge", a, b, "-o", tmp_path / "x.log").status == 0
+
+
+def test_a_clock_offset_that_is_given_is_not_looked_for_and_that_is_told(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """It was left out without a word: the times were by the offset off, and looked aligned."""
+    a, b = (lines(tmp_path / f"{name}.log", moved(TALK, 0)) for name in "ab")
+    out = tmp_path / "x.log"
+    ran = within(capsys, "merge", a, b, "--align", "--offset", "b=1s", "-o", out)
+    assert ran.status == 0
+    assert f"{b}: +1.000000 s to its times, as was told: nothing was looked for\n" in ran.err
+
+
 @settings(max_examples=15)
 @given(
     shift=st.integers(-(10**15), 10**15),

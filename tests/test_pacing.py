@@ -17,6 +17,7 @@ from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.decoding.joining import joined
 from sniffer.decoding.pacing import (
     ASSUMED,
+    AT_LEAST,
     ESTIMATED,
     PACKET,
     STATED,
@@ -39,6 +40,7 @@ from tests.conversations import Conversation, robot, through_usb
 from tests.hosts import MS, lines, reads, truths
 from tests.lists import each_in_turn, in_turn
 from tests.streams import rs30x
+from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -298,3 +300,42 @@ def test_a_servo_that_acknowledges_at_once_is_no_sign_of_a_host_that_holds_bytes
     assert pace(PROTOCOLS["rs30x"], prompt, baud=talk.baud).latency_ns is None
     held = [replace(chunk, clock=Clock.FILE) for chunk in through_usb(talk.chunks)]
     assert pace(PROTOCOLS["rs30x"], held, baud=talk.baud).latency == ESTIMATED
+
+
+def _over_a_network(baud: int, stall_s: float = 0.0, seconds: int = 6) -> list[Chunk]:
+    """A line that is asked without a pause, as a server on the network hands it on each 10 ms."""
+    told: dict[int, bytes] = {}
+    t = 0.0
+    while t < seconds:
+        for data in (packet(1, 0xF2, b"\x8c\x08"), packet(1, 0x00, bytes(8))):
+            t += len(data) * 10 / baud + 100e-6
+            due = max(t, 2 + stall_s) if 2 <= t < 2 + stall_s else t
+            slot = int(due * 100) + 1
+            told[slot] = told.get(slot, b"") + data
+    return [Chunk(data, START_NS + k * 10 * MS, Clock.READ) for k, data in told.items()]
+
+
+@pytest.mark.parametrize(
+    ("baud", "stall_s", "rate", "timed"),
+    [
+        (57600, 0.0, ASSUMED, 57600),
+        (57600, 0.7, ASSUMED, 57600),
+        (400_000, 0.0, AT_LEAST, 400_000),
+        (400_000, 0.7, AT_LEAST, 400_000),
+    ],
+)
+def test_what_an_address_hands_on_faster_than_the_usual_rate_is_not_timed_by_it(
+    baud: int, stall_s: float, rate: str, timed: int
+) -> None:
+    """4 s were 24 s, at a load of 560 %; nobody knows the rate of a line behind an address."""
+    found = pace(PROTOCOLS["mightyzap"], _over_a_network(baud, stall_s))
+    assert (found.rate, found.baud, found.faster) == (rate, timed, 0.0)
+    assert bool(found.remarks) == (rate == AT_LEAST)
+    stated = pace(PROTOCOLS["mightyzap"], _over_a_network(baud, stall_s), baud=57600)
+    assert (stated.baud, stated.remarks) == (57600, ())
+
+
+def test_what_comes_faster_than_any_rate_over_a_network_is_told() -> None:
+    found = pace(PROTOCOLS["mightyzap"], _over_a_network(4_000_000, seconds=3))
+    assert found.baud == 57600
+    assert "57600 baud (assumed) cannot be: by their stamps" in found.remarks[0]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.decoding.partends import BusEnds, PartEnds
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.jobs.replay import NAP_S, STEP_NS, nap, paced, peek, steps, timed
@@ -133,7 +134,7 @@ def test_chunks_with_a_time_keep_it() -> None:
 
 def test_what_lies_outside_of_a_window_is_not_waited_for() -> None:
     clock = Clockwork()
-    ends = (T0 + 1000 * MS, T0 + 2000 * MS)
+    ends = BusEnds(lambda told_ns: PartEnds(T0 + 1000 * MS, T0 + 2000 * MS))
     told = groups(0, 900, 1000, 1500, 2000, 9000)
     played = paced(iter(told), 1.0, ends=ends, now=clock.now, sleep=clock.sleep)
     assert moments(clock, played) == [0, 0, 0, 500, 1000, 1000]

@@ -22,6 +22,7 @@ from sniffer.selection.columns import IS_TEXT, LENT, REALS, TABLES, VALUES
 from sniffer.selection.expression import HEADINGS
 from sniffer.selection.selection import Selection
 from sniffer.sinks.text import HEAD
+from tests.commands import within
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 
@@ -319,3 +320,15 @@ def test_what_was_written_to_wearing_memory_is_asked_for_by_one_word() -> None:
     selection = Selection.parse("memory = 'non-volatile' AND kind = 'request'")
     found = told("mightyzap_damaged.log").by_us(selection)
     assert {getattr(row, "register", None) for row in found} == {"feedback_return_mode"}
+
+
+@pytest.mark.parametrize("option", ["--servo", "--op", "--kind", "--code", "--bus"])
+def test_an_option_that_names_nothing_does_not_select_everything(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An empty variable of a script did."""
+    for empty in ("", " , "):
+        done = within(capsys, "decode", CAPTURES / "mightyzap_clean.log", option, empty)
+        assert done.status == 2
+        assert f"'{option}'" in done.err
+        assert "it is empty: leave it out to take all of them" in done.err

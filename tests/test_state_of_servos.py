@@ -143,3 +143,30 @@ def test_a_register_with_a_long_name_leaves_room_for_what_it_held(
     assert max(map(len, measured)) <= 80
     folded = [line[1:22].strip() for line in measured if line.startswith(" ")]
     assert long in "".join(folded)
+
+
+def test_a_setting_that_changed_more_often_at_one_servo_is_a_line_of_its_own(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """Servo 1 was switched off and on twice, servo 2 once on; together they had four changes."""
+    log = tmp_path / "a.log"
+    sets = [(1, 1), (2, 1), (1, 0), (1, 1), (1, 0), (1, 1)]
+    frames = [packet(servo, 0xF3, bytes([0x80, value])) for servo, value in sets]
+    log.write_text("".join(f"({k}.0) bus0 #{f.hex()}\n" for k, f in enumerate(frames)))
+    out = within(capsys, "state", log, "--protocol", "mightyzap").out
+    rows = [line.split() for line in out.splitlines() if "0+" in line]
+    assert rows[0][:4] == ["force_on", "1", "on", "(1)"]
+    assert [row[-3:-1] for row in rows] == [["0+5", "4"], ["0+1", "0"]]
+
+
+def test_a_selection_of_frames_alone_is_told_how_it_has_values(capsys: Capsys) -> None:
+    """What they state was said not to be there."""
+    why = "samples have no kind; ask for `value IS NOT NULL`, too, to have what these frames state"
+    select = ["--kind", "response", "--servo", "2"]
+    assert why in within(capsys, "state", CLEAN, *select).err
+    assert told(capsys, CLEAN, *select, "--where", "value IS NOT NULL")
+    assert why not in within(capsys, "state", CLEAN, "--servo", "9").err
+    pytest.importorskip("duckdb")
+    for table, is_told in (("samples", True), ("frames", False)):
+        asked = within(capsys, "query", f"SELECT count(*) FROM {table}", CLEAN, *select)
+        assert (f"the table {table} has no rows: {why}" in asked.err) == is_told

@@ -297,6 +297,19 @@ def test_an_input_without_clock_has_no_rates_and_no_times(stats: Counting) -> No
     assert "no clock in the input" in stats.says(CAPTURES / "lss_clean.bin").out
 
 
+def test_a_capture_with_times_and_no_frame_is_not_one_without_a_clock(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for command, told in (
+        (("stats",), "no frame in it: no rates and no times"),
+        (("decode", "--summary"), "no frame in it: nothing was timed"),
+    ):
+        path = CAPTURES / "mightyzap_damaged.log"
+        out = within(capsys, *command, path, "--protocol", "rs30x").out
+        assert told in out
+        assert "no clock" not in out
+
+
 def test_a_table_has_a_row_a_figure_and_all_figures_of_the_json(stats: Counting) -> None:
     path = CAPTURES / "rs30x_damaged.log"
     done = stats.says(path, "--format", "csv")

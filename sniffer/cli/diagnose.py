@@ -21,6 +21,7 @@ from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.decoding.options import Options
+from sniffer.diagnosis.shared import OneWay, wires_of
 from sniffer.jobs.diagnose import diagnose as diagnose_file
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
@@ -62,6 +63,7 @@ def diagnose(
     """
     status = DONE
     captures = captures_in(files, together=together)
+    wires: dict[str, OneWay] = {}
     for capture in captures:
         with patient() as patience:
             done = diagnose_file(
@@ -73,6 +75,8 @@ def diagnose(
                 tell=tell,
             )
         status = max(status, status_of(done.ending, is_lost=False))
+        if done.is_one_bus:
+            wires |= {name_of(capture): wire for wire in done.one_way}
         if output_format == "json":
             click.echo(json.dumps(done.as_dict()))
             continue
@@ -98,4 +102,6 @@ def diagnose(
                     shared=done.shared,
                     is_one_bus=done.is_one_bus,
                 )
+    for told in wires_of(wires):
+        tell.warn(told)
     return status

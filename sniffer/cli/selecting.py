@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,7 +27,10 @@ def _listed(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Read values that are joined by commas or given one by one."""
-    return tuple(word.strip() for text in given for word in text.split(",") if word.strip())
+    words = [[word.strip() for word in text.split(",") if word.strip()] for text in given]
+    if not all(words):  # a variable of a script that is empty does not mean all there is
+        raise click.BadParameter("it is empty: leave it out to take all of them")
+    return tuple(itertools.chain.from_iterable(words))
 
 
 def _codes() -> Iterable[str]:

@@ -46,8 +46,9 @@ def state(
     Several are one capture, read in the order of their times: such as the files of a rotation.
 
     And how often it was, and how often it changed: settings, goals and commands, what was measured.
-    Servos of which the same was said stand together, so a setting that one of them has otherwise is
-    a line of its own. `sniffer registers MODEL` shows what there is.
+    Servos of which the same was said stand together, so a setting that one of them has otherwise,
+    or that changed more often there, is a line of its own. `sniffer registers MODEL` shows what
+    there is.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is told).
     """
@@ -73,4 +74,6 @@ def state(
         is_part = selection is not None or (window is not None and window.is_part)
         where = " in what is asked for" if is_part else ""
         click.echo(f"no register was read or written{where}, as far as a table names them")
+        if selection is not None and (why := selection.lacking_in("samples")):
+            tell.warn(why)
     return status_of(done.ending, is_lost=False)

@@ -21,7 +21,7 @@ from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
-from sniffer.ground.model import F64, I64, MS, Chunk, Clock, MarkKind
+from sniffer.ground.model import F64, I64, MS, NS, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 STATED: Final = "stated"
 ESTIMATED: Final = "estimated"
 ASSUMED: Final = "assumed"
+AT_LEAST: Final = "at least"
 
 FAR: Final = 4
 """A line that may be so many times slower than assumed is worth a word."""
@@ -74,6 +75,9 @@ LONGEST_NS: Final = 40 * MS
 BEYOND_NS: Final = 50 * MS
 """No adapter holds bytes as long: stamps that are off by more contradict the rate."""
 
+STALLED_NS: Final = NS
+"""No network holds bytes so long as a rule: what comes faster for longer is from a faster line."""
+
 CLOSE: Final = 0.08
 """How far an estimate may be from a rate of the protocol to be taken for it: they are further
 apart."""
@@ -108,6 +112,11 @@ class Pace:
         out = []
         if self.rate == ESTIMATED and self.baud != self.usual:
             out.append(f"by its stamps the line runs at {self.baud} baud; state it to be sure")
+        if self.rate == AT_LEAST:
+            out.append(
+                f"{self.usual} baud are too slow for what came: {self.baud} are taken, the least "
+                "that are not; state the rate"
+            )
         if self.doubtful and self.slowest * FAR <= self.baud:
             out.append(
                 f"{self.baud} baud are assumed, but no answer came faster than {self.slowest} baud "
@@ -135,7 +144,8 @@ def pace(
 ) -> Pace:
     """Return by what to time a bus, from its first chunks and from what was stated.
 
-    Only stamps of files and logic analysers are judged: a recorder states both.
+    Only stamps of files and logic analysers are judged: a recorder states both, but of an address
+    on the network, of whose line nobody knows the rate. Its bytes only tell which is too slow.
     """
     chosen = baud or protocol.baud
     rate = STATED if baud else ASSUMED
@@ -144,6 +154,8 @@ def pace(
     known = Pace(chosen, slowest, rate, latency_ns, stated, usual=protocol.baud)
     told = chunks_of([k for k in chunks if k.data][:LOOK])
     clocks = {clock_of(k) for k in told}
+    if baud is None and len(told) > 1 and clocks == {Clock.READ}:
+        return _not_slower(known, protocol, _Look(protocol, told))
     if len(told) < 2 or not clocks <= {Clock.FILE, Clock.SAMPLE}:
         return known
     looked = _Look(protocol, told)
@@ -171,6 +183,18 @@ def pace(
     if possible[0] > chosen:
         return replace(known, baud=possible[0], slowest=possible[0], rate=ESTIMATED)
     return replace(known, slowest=possible[0], doubtful=len(looked.asked) >= MANY)
+
+
+def _not_slower(known: Pace, protocol: BusProtocol, looked: _Look) -> Pace:
+    """Return a pace with the least rate at which so many bytes can come in the time."""
+    faster = looked.faster(byte_time_ns(known.baud), STALLED_NS)
+    if not faster:
+        return known
+    took = int(looked.t[-1] - looked.t[0]) / int(looked.n[1:].sum())
+    least = [r for r in sorted(protocol.bauds) if byte_time_ns(r) <= took * (1 + 1 / TOLERANCE)]
+    if not least:
+        return replace(known, faster=faster)
+    return replace(known, baud=least[0], slowest=least[0], rate=AT_LEAST)
 
 
 def exchanges_in(protocol: BusProtocol, data: bytes) -> tuple[Frames, I64, I64]:

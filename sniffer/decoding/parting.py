@@ -8,19 +8,22 @@ records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import functools
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.partends import BusEnds, PartEnds
 from sniffer.decoding.spans import Span
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.heard import SteadyTime
+from sniffer.ground.heard import SteadyPass, SteadyTime
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from sniffer.decoding.partends import EdgeTimes, EndsSince
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import I64, Batch, Chunk, Mask
     from sniffer.protocols.base import BusProtocol
@@ -116,19 +119,20 @@ class _PartOfBus:
         self._is_ended = False
         self._lower, self._upper = _PartEdge(), _PartEdge()
 
-    def add(self, records: _Records, from_ns: int | None, to_ns: int | None) -> None:
+    def add(self, records: _Records, edges: EdgeTimes) -> None:
         if self.first < 0:
             self.first = int(records.start[0])
         self.last = max(self.last, int(records.end.max()))
         known = self.begin is not None
         if not known:
-            after = records.t_end >= from_ns if from_ns is not None else records.end > 0
+            after = edges.may_begin()
             if after.any():
                 self.begin = int(records.start[int(np.argmax(after))])
         self._lower.add(records, self.begin, known=known)
         was_ended = self._is_ended
         if not was_ended:
-            later = records.t_end > to_ns if to_ns is not None else records.end < 0
+            begin = np.inf if self.begin is None else self.begin
+            later = edges.are_beyond(records.start >= begin)
             self._is_ended = bool(later.any())
             stop = int(np.argmax(later)) if self._is_ended else len(later)
             if stop:
@@ -160,20 +164,28 @@ class _PartOfBus:
 
 
 class Slicer:
-    """A sink that finds what lies between two moments; None is the capture's own edge.
+    """A sink that finds what lies between two moments.
 
     A record belongs to it that ends there: its last byte is when its content was known.
     """
 
     def __init__(self) -> None:
-        self._ends: Callable[[Sequence[Part]], tuple[int | None, int | None]] | None = None
-        self.from_ns: int | None = None
-        self.to_ns: int | None = None
+        self._find: Callable[[Sequence[Part]], EndsSince] = lambda parts: functools.partial(
+            _fixed, PartEnds()
+        )
+        self._since: EndsSince | None = None
+        self._steady: dict[str, SteadyTime] = {}
+        self._ends: dict[str, BusEnds] = {}
         self._buses: dict[str, _PartOfBus] = {}
 
-    def find(self, ends: Callable[[Sequence[Part]], tuple[int | None, int | None]]) -> None:
+    def find(self, ends: Callable[[Sequence[Part]], EndsSince]) -> None:
         """Take which moments are meant: ``ends`` tells them from what was decoded first."""
-        self._ends = ends
+        self._find = ends
+
+    @property
+    def ends(self) -> PartEnds:
+        """The moments, as they are meant where the capture begins."""
+        return PartEnds() if self._since is None else self._since(None)
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -185,13 +197,19 @@ class Slicer:
     def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Take what several protocols said in one pass."""
         records = _Records.of(parts)
-        if self._ends is not None:
-            (self.from_ns, self.to_ns), self._ends = self._ends(parts), None
-        if len(records.start):
-            self._add(bus, records)
+        if self._since is None:
+            self._since = self._find(parts)
+        if not len(records.start):
+            return
+        if bus not in self._buses:
+            self._buses[bus], self._steady[bus] = _PartOfBus(), SteadyTime()
+            self._ends[bus] = BusEnds(self._since)
+        steady = self._steady[bus].of(records.t_end)
+        told = SteadyPass(records.start, records.t_end, steady - records.t_end)
+        self._add(bus, records, self._ends[bus].edges(told))
 
-    def _add(self, bus: str, records: _Records) -> None:
-        self._buses.setdefault(bus, _PartOfBus()).add(records, self.from_ns, self.to_ns)
+    def _add(self, bus: str, records: _Records, edges: EdgeTimes) -> None:
+        self._buses[bus].add(records, edges)
 
     def close(self) -> None:
         """Do nothing."""
@@ -215,7 +233,6 @@ class Splitter(Slicer):
         self._base_ns: int | None = None
         self._cuts: dict[str, dict[int, Span | None]] = {}
         self._open: dict[str, dict[int, _PartOfBus]] = {}
-        self._steady: dict[str, SteadyTime] = {}
 
     def ends_of(self, number: int) -> tuple[int, int]:
         """Return from when to when a piece goes, but that no exchange is torn."""
@@ -239,19 +256,35 @@ class Splitter(Slicer):
                     begin = end
         return dict(sorted(out.items()))
 
-    def _add(self, bus: str, records: _Records) -> None:
-        super()._add(bus, records)
-        if self._base_ns is None:
-            first = int(records.t_start[0])
-            self._base_ns = first if self.from_ns is None else self.from_ns
+    def _add(self, bus: str, records: _Records, edges: EdgeTimes) -> None:
+        is_before = all(part.begin is None for part in self._buses.values())
+        super()._add(bus, records, edges)
+        if is_before and (base_ns := self._base(records, edges)) != self._base_ns:
+            self._base_ns = base_ns
+            self._cuts.clear()
+            self._open.clear()
         cuts, pending = self._cuts.setdefault(bus, {}), self._open.setdefault(bus, {})
-        steady = self._steady.setdefault(bus, SteadyTime()).of(records.t_end)
-        records = replace(records, t_end=steady)
-        t_ns = np.maximum(steady - self._base_ns, 0)
+        told = edges.records
+        t_ns = np.maximum(told.t_ns + told.moved - (self._base_ns or 0), 0)
         for number in np.unique(t_ns // self._every_ns).tolist():
             if number not in cuts:
                 pending.setdefault(number, _PartOfBus())
         for number, part in [*pending.items()]:
-            part.add(records, None, self.ends_of(number)[1])
+            ends = PartEnds(stop=self.ends_of(number)[1])
+            part.add(records, BusEnds(functools.partial(_fixed, ends)).edges(told))
             if part.is_over:
                 cuts[number] = pending.pop(number).span()
+
+    def _base(self, records: _Records, edges: EdgeTimes) -> int:
+        """Return from when on pieces count, as far as is known: a clock may still come to it."""
+        if edges.ends.start is None:
+            return int(records.t_start[0]) if self._base_ns is None else self._base_ns
+        begun = np.flatnonzero(edges.may_begin())
+        row = int(begun[0]) if len(begun) else -1
+        return int(edges.low[row] + edges.records.moved[row])
+
+
+def _fixed(ends: PartEnds, told_ns: int | None) -> PartEnds:
+    """Return ends that are the same whatever the clock says."""
+    del told_ns
+    return ends

@@ -81,7 +81,7 @@ class Pipeline:
             options.all_spoken(options.protocol)
         self.summary = Summary(options.called)
         self._options = options
-        self._sinks = introduced(sinks, options.called)
+        self._sinks = introduced(sinks, options.called, options.alarms)
         self.narrowing: Narrowing | None = None
         """What goes to summary and sinks, and which rows are shown; None: everything."""
         self._failure: OutputError | None = None
@@ -106,7 +106,7 @@ class Pipeline:
 
     def add(self, sink: Sink) -> None:
         """Take another sink; it gets what comes from now on."""
-        self._sinks += introduced([sink], self._options.called)
+        self._sinks += introduced([sink], self._options.called, self._options.alarms)
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""
@@ -260,9 +260,9 @@ class Pipeline:
         """Return the buses whose named protocol explains little, though another one does."""
         return self.first.mistaken(self.summary, self._stated)
 
-    def unmet(self) -> list[str]:
-        """Tell of rules that no servo of any bus can meet, each in a sentence."""
-        return unmet(self._options, self._decoders)
+    def unmet(self, *, is_over: bool = False) -> list[str]:
+        """Tell of rules that no servo of any bus can meet; ``is_over``: no other one will come."""
+        return unmet(self._options, self._decoders, self.summary if is_over else None)
 
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""

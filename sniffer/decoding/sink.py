@@ -10,6 +10,7 @@ from sniffer.protocols.base import BusProtocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
+    from sniffer.anomalies.alarms import Alarm
     from sniffer.decoding.called import ServoNames
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.rates import Rate
@@ -108,12 +109,25 @@ class Calling(Protocol):
         ...
 
 
-def introduced(sinks: Iterable[Sink], names: ServoNames) -> list[Sink]:
-    """Return sinks that have been told what servos are called, if they want to know."""
+@runtime_checkable
+class Ruled(Protocol):
+    """A sink that says how long rules of the user's own were met."""
+
+    def rule(self, alarms: Sequence[Alarm]) -> None:
+        """Take the rules, those of the recording among them; called once, as ``call`` is."""
+        ...
+
+
+def introduced(
+    sinks: Iterable[Sink], names: ServoNames, alarms: Sequence[Alarm] = ()
+) -> list[Sink]:
+    """Return sinks that have been told names of servos and rules, if they want to know."""
     out = list(sinks)
     for sink in out:
         if isinstance(sink, Calling):
             sink.call(names)
+        if isinstance(sink, Ruled):
+            sink.rule(alarms)
     return out
 
 

@@ -7,19 +7,22 @@ frames and gaps from the beginning and from the end; each bus is cut for itself.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sniffer.anomalies.found import Anomalies
+from sniffer.decoding.partends import BusEnds
 from sniffer.decoding.surrounding import Surroundings
-from sniffer.ground.gaps import Gaps
+from sniffer.ground.heard import SteadyTime
 from sniffer.ground.model import NS, Clock, Mask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from sniffer.decoding.partends import EdgeTimes, EndsSince, PartEnds
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import I64, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
@@ -51,33 +54,34 @@ def first_told_ns(stamp_ns: int | None, parts: Sequence[Part]) -> int | None:
 class Slice:
     """Passes on what was said in a part of a capture; ``ends`` gives it, once something is decoded.
 
-    ``ends`` takes the time of the first record (None: no clock) and returns the first and the last
-    time, each None where the capture's own is meant.
+    ``ends`` takes the time of the first record (None: no clock) and returns where the part ends.
     """
 
-    def __init__(
-        self, ends: Callable[[int | None], tuple[int | None, int | None]], name: str = "in it"
-    ) -> None:
+    def __init__(self, ends: Callable[[int | None], EndsSince], name: str = "in it") -> None:
         self._ends = ends
+        self._since: EndsSince | None = None
         self._name = name
         self._first: int | None = None
-        self.start: int | None = None
-        self.stop: int | None = None
-        self._is_heard = self._is_known = False
+        self._is_heard = False
         self._begun: set[str] = set()
         self._ended: set[str] = set()
-        self._heard: set[str] = set()
+        self._heard: dict[str, SteadyTime] = {}
+        self._steady: dict[str, SteadyTime] = {}
+        self._bus_ends: dict[str, BusEnds] = {}
         self._newest = 0
+        self._stamp = 0
+        """The last one that was heard."""
 
     def hear(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks before they are decoded."""
-        self._heard.add(bus)
+        heard = self._heard.setdefault(bus, SteadyTime())
         for chunk in chunks:
             if not self._is_heard and chunk.data:
                 self._is_heard = True
                 self._first = chunk.t_ns
             if chunk.t_ns is not None:
-                self._newest = max(self._newest, chunk.t_ns)
+                self._stamp = chunk.t_ns
+                self._newest = max(self._newest, heard.at(chunk.t_ns))
 
     def __str__(self) -> str:
         return self._name
@@ -90,63 +94,59 @@ class Slice:
     @property
     def is_over(self) -> bool:
         """Whether nothing more can belong to it."""
-        if self.stop is None:
-            return False
-        return self._newest > self.stop + QUIET_NS or (
-            bool(self._heard) and self._heard <= self._ended
-        )
+        if self._heard and self._heard.keys() <= self._ended:
+            return True
+        ends = [bus.ends for bus in self._bus_ends.values()]
+        if any(each.stops_by_stamp for each in ends):  # a clock that is set may still come to it
+            return bool(self._begun) and all(_is_past(self._stamp, each) for each in ends)
+        return bool(ends) and all(_is_past(self._newest, each) for each in ends)
 
     def of(self, bus: str, parts: Sequence[Part]) -> list[Part]:
         """Return what of a pass belongs to it, none where nothing does."""
-        if not self._is_known:
-            self._is_known = True
+        if self._since is None:
             self._first = first_told_ns(self._first, parts)
-            self.start, self.stop = self._ends(self._first)
-        for _, batch in parts:
-            if len(batch.frames):
-                self._newest = max(self._newest, int(batch.frames.t_end[-1]))
+            self._since = self._ends(self._first)
+        batches = [batch for _, batch in parts]
+        records = self._steady.setdefault(bus, SteadyTime()).records(batches)
+        if len(records.t_ns):
+            self._newest = max(self._newest, int((records.t_ns + records.moved).max()))
+        if bus not in self._bus_ends:
+            self._bus_ends[bus] = BusEnds(self._since)
+        edges = self._bus_ends[bus].edges(records)
         if bus in self._ended:
             return []
-        begin, end = self._cut(bus, [batch for _, batch in parts])
-        kept = [
-            (
-                protocol,
-                batch if self._is_whole(batch, begin, end) else self._sliced(batch, begin, end),
-            )
-            for protocol, batch in parts
-        ]
+        begin, end = self._cut(bus, len(batches[0].data), edges)
+        kept = [(protocol, _part_of(batch, begin, end, edges)) for protocol, batch in parts]
         return kept if any(b.data or b.remarks or b.anomalies for _, b in kept) else []
 
-    def _is_whole(self, batch: Batch, begin: int, end: int) -> bool:
-        found = Anomalies.of(batch.anomalies)
-        return end - begin == len(batch.data) and bool(self._has(found.t_ns).all())
-
-    def _sliced(self, batch: Batch, begin: int, end: int) -> Batch:
-        return sliced(batch, begin, end, self._has)
-
-    def _has(self, times: I64) -> Mask:
-        low = True if self.start is None else times >= self.start
-        high = True if self.stop is None else times <= self.stop
-        return np.full(len(times), True) & low & high
-
-    def _cut(self, bus: str, batches: Sequence[Batch]) -> tuple[int, int]:
+    def _cut(self, bus: str, size: int, edges: EdgeTimes) -> tuple[int, int]:
         """Return where in the bytes of a pass the part begins and ends."""
-        size = len(batches[0].data)
-        begin, end = 0 if bus in self._begun or self.start is None else size, size
-        gaps = [Gaps.of(batch.gaps) for batch in batches]
-        at = np.concatenate([b.frames.start for b in batches] + [g.start for g in gaps])
-        t_ns = np.concatenate([b.frames.t_end for b in batches] + [g.t_ns for g in gaps])
-        if begin and self.start is not None:
-            first = at[t_ns >= self.start]
-            begin = int(first.min()) if len(first) else size
+        at = edges.records.start
+        begin, end = 0 if bus in self._begun or edges.ends.start is None else size, size
+        if begin:
+            first = at[edges.may_begin()]
+            begin = int(first[0]) if len(first) else size
         if begin < size:
             self._begun.add(bus)
-        if self.stop is not None:
-            later = at[t_ns > self.stop]
-            if len(later):
-                end = max(int(later.min()), begin)
-                self._ended.add(bus)
+        later = at[edges.are_beyond(at >= begin)]
+        if len(later):
+            end = max(int(later[0]), begin)
+            self._ended.add(bus)
         return begin, end
+
+
+def _is_past(t_ns: int, ends: PartEnds) -> bool:
+    """Tell whether nothing more is told of a part, when so much was heard."""
+    return ends.stop is not None and t_ns > ends.stop + QUIET_NS
+
+
+def _part_of(batch: Batch, begin: int, end: int, edges: EdgeTimes) -> Batch:
+    """Return what a batch says of a part of its bytes, all of it where it is no less."""
+    found = Anomalies.of(batch.anomalies)
+    has = edges.has(found.t_ns, found.known_at - batch.base)
+    if end - begin == len(batch.data) and has.all():
+        return batch
+    return sliced(batch, begin, end, edges.has)
 
 
 class Narrowing:
@@ -189,10 +189,11 @@ class Narrowing:
         return [] if self._around is None else self._around.rest()
 
 
-def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64], Mask]) -> Batch:
+def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64, I64], Mask]) -> Batch:
     """Return what a batch says of its bytes from ``begin`` on and before ``end``.
 
-    Both stand between two records. ``has`` tells by their times which anomalies and remarks stay.
+    Both stand between two records. ``has`` tells by their times, and by the bytes in the batch that
+    they are about, which anomalies and remarks stay.
     """
     f, t, v = batch.frames, batch.transactions, batch.values
     low, high = np.searchsorted(f.start, (begin, end)).tolist()
@@ -212,7 +213,8 @@ def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64], Mask]) -> Ba
     request[left_out] = -2 - np.arange(int(left_out.sum()))
     response = np.where(t.response >= 0, t.response - low, -1)
     found = Anomalies.of(batch.anomalies)
-    times = np.array([remark.t_ns for remark in batch.remarks], np.int64)
+    remarked = np.array([(r.t_ns, r.start - batch.base) for r in batch.remarks], np.int64)
+    stays = has(*remarked.reshape(-1, 2).T).tolist()
     values = v.take((v.row >= low) & (v.row < high))
     return replace(
         batch,
@@ -224,10 +226,10 @@ def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64], Mask]) -> Ba
         ),
         transactions=replace(t, request=request, response=response),
         values=replace(values, row=values.row - low),
-        anomalies=found.take(np.flatnonzero(has(found.t_ns))) if len(found) else (),
-        remarks=tuple(
-            r for r, stays in zip(batch.remarks, has(times).tolist(), strict=True) if stays
-        ),
+        anomalies=found.take(np.flatnonzero(has(found.t_ns, found.known_at - batch.base)))
+        if len(found)
+        else (),
+        remarks=tuple(itertools.compress(batch.remarks, stays)),
         cut=batch.cut if end == len(batch.data) else None,
         before=earlier,
     )

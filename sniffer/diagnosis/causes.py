@@ -405,6 +405,18 @@ _CAUSES: Final = (
         "Record with a tap of exact stamps.",
     ),
     Cause(
+        "controller-slows",
+        CONTROLLER,
+        WARN,
+        -1.0,
+        "a control loop that gets slower and slower",
+        "The controller's cycle grows from minute to minute, though it says what it always said.",
+        "The requests become fewer from part to part of the time, to the same servos, with longer rests between them.",
+        "A program that does something else later; more servos or values to ask; answers that are lost and waited for.",
+        "Look for what grows in the controller: a list or a log that each cycle goes through, memory, a queue that nobody empties, plots; then heat that slows its processor.",
+        "Start the controller anew: if its loop is as fast as in the beginning, something in it grows.",
+    ),
+    Cause(
         "bus-saturated",
         CONTROLLER,
         NOTE,

@@ -13,7 +13,7 @@ from sniffer.diagnosis.incidents import incidents
 from sniffer.diagnosis.ledger.ledger import Ledger
 from sniffer.diagnosis.ledger.withheld import with_withheld
 from sniffer.diagnosis.rest import rest_of
-from sniffer.diagnosis.shared import shared
+from sniffer.diagnosis.shared import one_way, shared
 from sniffer.ground.amounts import lasting
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.wording import counted
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.diagnosis.model import Incident
     from sniffer.diagnosis.rest import Rest
-    from sniffer.diagnosis.shared import Shared
+    from sniffer.diagnosis.shared import OneWay, Shared
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -33,7 +33,8 @@ TELLING_NS: Final = NS // 5000
 """Digits that a log does not have make its stamps worse by more than that, or are not told."""
 
 QUIET_NS: Final = 5 * NS
-"""So much sooner than the others a bus has ended that something ended it; a shutdown takes less."""
+"""So much sooner than the others a bus has ended, or its frames than its bytes, that something
+ended them; a shutdown takes less."""
 
 TOGETHER: Final = 1 << 16
 """Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
@@ -136,6 +137,10 @@ class Diagnosis:
         """Return which incidents of several buses are likely one fault each."""
         return shared(incidents, self.cases())
 
+    def one_way(self, incidents: Sequence[Incident]) -> tuple[OneWay, ...]:
+        """Return the buses of which one direction is heard."""
+        return one_way(incidents, self.cases())
+
     def rest(self, incidents: Sequence[Incident]) -> Rest:
         """Return the warnings and errors that no incident has, in words, and what to do next."""
         return rest_of(self.cases(), incidents)
@@ -166,7 +171,7 @@ class Diagnosis:
                 told += f" ({counted(in_vain, 'id')} asked in vain)"
             parts.append(
                 f"{judged['bus']}: {counted(judged['frames'], judged['protocol'] + ' frame')} of "
-                f"{told} {over}{_then_nothing(case, until_ns)}"
+                f"{told} {over}{_then_torn(case)}{_then_nothing(case, until_ns)}"
             )
         return "; ".join(parts)
 
@@ -175,6 +180,12 @@ def _asked_in_vain(case: Case) -> list[int]:
     """Return the ids that were asked for answers and never gave one, where others did."""
     silent = [i for i in case.servos if i not in case.answering and case.total("missing", i)]
     return silent if case.answering else []
+
+
+def _then_torn(case: Case) -> str:
+    """Say that bytes came for long behind the last frame: the time of frames is not all of it."""
+    torn_ns = _heard_until_ns(case) - case.last_ns if case.has_clock else 0
+    return f", then bytes of no frame for {torn_ns / NS:.0f} s" if torn_ns >= QUIET_NS else ""
 
 
 def _then_nothing(case: Case, until_ns: int) -> str:

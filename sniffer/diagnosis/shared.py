@@ -5,6 +5,7 @@ Or the buses are none, but the two wires of one line: each was tapped, and calle
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
@@ -24,7 +25,9 @@ GROUND: Final = "ground, and what starts beside them"
 
 SHARES: Final[Mapping[str, str]] = MappingProxyType(
     dict.fromkeys(("brownout", "servo-reset-loop", "torque-off", "servo-dead"), SUPPLY)
-    | dict.fromkeys(("controller-stall", "controller-jitter", "tap-loss"), PROGRAM)
+    | dict.fromkeys(
+        ("controller-stall", "controller-jitter", "controller-slows", "tap-loss"), PROGRAM
+    )
     | dict.fromkeys(("bus-noise", "emi-load", "signal-integrity", "line-stuck"), GROUND)
 )
 """What buses share that strikes them all at once, by cause; others are of one bus, whatever began
@@ -62,6 +65,33 @@ _WIRES: Final = (
     "`sniffer merge wire-{first}.mcap wire-{second}.mcap --pair -o bus.mcap` "
     "make them one bus, `sniffer record --pair` does while it records."
 )
+
+_FILES: Final = (
+    "What is asked in {asked} is answered in {answering}, by the same servos at one time: they are "
+    "likely the two wires of one line; `sniffer merge {first} {second} --pair -o bus.mcap` makes "
+    "them one bus."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OneWay:
+    """What is heard of a bus on which servos are asked or answer, and not both: its ``incident``.
+
+    ``is_asked``: these are the requests.
+    """
+
+    incident: Incident
+    is_asked: bool
+    servos: frozenset[int]
+    first_ns: int
+    last_ns: int
+    has_clock: bool
+
+    def may_answer(self, controller: OneWay) -> bool:
+        """Tell whether it may be what answers a controller."""
+        is_meanwhile = self.first_ns <= controller.last_ns and controller.first_ns <= self.last_ns
+        is_answer = controller.is_asked and not self.is_asked
+        return is_answer and is_meanwhile and bool(self.servos & controller.servos)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +136,43 @@ def shared(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[Shared
     return tuple(out)
 
 
+def one_way(incidents: Sequence[Incident], cases: Sequence[Case]) -> tuple[OneWay, ...]:
+    """Return the buses of which one direction is heard."""
+    by_bus = {case.bus: case for case in cases}
+    return tuple(
+        OneWay(i, asked, frozenset(case.servos), case.first_ns, case.last_ns, case.has_clock)
+        for code, asked in ((NOBODY, True), (NO_REQUESTS, False))
+        for i in _with(incidents, code)
+        for case in (by_bus[i.bus],)
+    )
+
+
+def wires_of(files: Mapping[str, OneWay]) -> Iterator[str]:
+    """Yield which captures of one bus each are likely the two wires of one line, and what to do."""
+    clocked = {name: heard for name, heard in files.items() if heard.has_clock}
+    for name, asked in clocked.items():
+        may = [other for other, heard in clocked.items() if heard.may_answer(asked)]
+        if len(may) == 1:
+            first, second = shlex.quote(name), shlex.quote(may[0])
+            yield _FILES.format(asked=name, answering=may[0], first=first, second=second)
+
+
 def _wires(incidents: Sequence[Incident], cases: Sequence[Case]) -> Iterator[Shared]:
     """Yield pairs of buses on one of which servos are asked that answer on the other alone."""
-    by_bus = {case.bus: case for case in cases}
-    answered = _with(incidents, NO_REQUESTS)
-    for asked in _with(incidents, NOBODY):
-        may = [i for i in answered if _may_answer(by_bus[i.bus], by_bus[asked.bus])]
+    heard = one_way(incidents, cases)
+    for asked in heard:
+        may = [other for other in heard if other.may_answer(asked)]
         # of the arms of a robot, each with servos 1 to 6, nobody knows whose it is
         if len(may) == 1:
-            first, second = asked.bus, may[0].bus
+            first, second = asked.incident.bus, may[0].incident.bus
             yield _shared(
-                (asked, *may),
+                (asked.incident, may[0].incident),
                 _WIRES,
                 asked=first,
                 answering=second,
                 first=in_file_name(first),
                 second=in_file_name(second),
             )
-
-
-def _may_answer(servos: Case, controller: Case) -> bool:
-    """Tell whether what is heard of servos may answer what is heard of a controller."""
-    is_meanwhile = servos.first_ns <= controller.last_ns and controller.first_ns <= servos.last_ns
-    return is_meanwhile and bool(set(servos.servos) & set(controller.servos))
 
 
 def _with(incidents: Sequence[Incident], code: str) -> list[Incident]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.gaps import Gaps
 from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
-    from sniffer.ground.model import I64, Frames
+    from sniffer.ground.model import I64, Batch, Frames
 
 SET_BACK_NS: Final = NS // 2
 """A time that is so much earlier than the one before was not told late: the clock was set."""
@@ -58,6 +59,46 @@ class SteadyTime:
         self._last_ns, self._set_ns = int(t_ns[-1]), int(moved[-1])
         out: I64 = t_ns + moved
         return out
+
+    def at(self, t_ns: int) -> int:
+        """Return a time that follows in the stream, moved alike."""
+        if self._last_ns is not None and is_set(t_ns, self._last_ns):
+            self._set_ns += self._last_ns - t_ns
+        self._last_ns = t_ns
+        return t_ns + self._set_ns
+
+    def records(self, batches: Sequence[Batch]) -> SteadyPass:
+        """Return when frames and gaps of a pass were told, of all protocols in the stream's order.
+
+        Args:
+            batches: what each protocol said in it; their bytes are the same ones.
+        """
+        gaps = [Gaps.of(batch.gaps) for batch in batches]
+        start = np.concatenate([b.frames.start for b in batches] + [g.start for g in gaps])
+        t_ns = np.concatenate([b.frames.t_end for b in batches] + [g.t_ns for g in gaps])
+        order = np.argsort(start, kind="stable")
+        t_ns = t_ns[order]
+        return SteadyPass(start[order], t_ns, self.of(t_ns) - t_ns)
+
+
+class SteadyPass(NamedTuple):
+    """Frames and gaps of a pass in order: where each begins, and when it was told.
+
+    On a clock that was never set that was later by what they are ``moved``.
+    """
+
+    start: I64
+    t_ns: I64
+    moved: I64
+
+    def rows(self, start: I64) -> I64:
+        """Return the records in which bytes stand, the first one for those before it."""
+        out: I64 = np.maximum(np.searchsorted(self.start, start, "right") - 1, 0)
+        return out
+
+    def of(self, t_ns: I64, start: I64) -> I64:
+        """Return times, of what begins at some bytes, as though the clock had never been set."""
+        return t_ns + self.moved[self.rows(start)] if len(self.moved) else t_ns
 
 
 @dataclass(slots=True)

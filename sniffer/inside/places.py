@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.anomalies.found import CODES, SEVERITY
+from sniffer.ground.heard import SteadyTime, was_set
 from sniffer.ground.model import InputError
 from sniffer.selection.places import END, FOUND, CapturePlace, ambiguous, place_in
 
 if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Mask
+    from sniffer.inside.columns import Table
     from sniffer.inside.index import CaptureIndex
     from sniffer.inside.view import LineView
 
@@ -44,18 +48,51 @@ def line_of(
         return _within(int(found[1]) - 1, len(lines), text)
     byte = re.fullmatch(r"@(\d+)", text)
     place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
+    if place.sought == END and not is_read:
+        raise InputError(f"{place.text}: the end was not read yet")
+    if place.is_stamp:
+        return _within(_stamped(place, index, lines), len(lines), text)
+    times = _steady(lines)
     if place.sought == END:
-        if not is_read:
-            raise InputError(f"{place.text}: the end was not read yet")
-        before = int(lines["t"].max()) - place.number
-        return _within(int(np.searchsorted(lines["t"], before, "left")), len(lines), text)
-    if place.kind == FOUND:
+        t_ns = int(times.max()) - place.number
+    elif place.kind == FOUND:
         line = _sought(place, index, bus, view)
         if not place.shift_ns:
             return line
-        place = place.found(int(lines["t"][line]))
-    t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
-    return _within(int(np.searchsorted(lines["t"], t_ns, "left")), len(lines), text)
+        t_ns = int(times[line]) + place.shift_ns
+    else:
+        t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
+    return _within(_first(times >= t_ns), len(lines), text)
+
+
+def _steady(lines: Table) -> I64:
+    """Return when lines were told, by clocks of the buses that were never set."""
+    t_ns: I64 = lines["t"].astype(np.int64)
+    for bus in np.unique(lines["bus"]):
+        mine = np.flatnonzero(lines["bus"] == bus)
+        t_ns[mine] = SteadyTime().of(t_ns[mine])
+    return t_ns
+
+
+def _stamped(place: CapturePlace, index: CaptureIndex, lines: Table) -> int:
+    """Return the line at which the clock came to a time, else the first one that is not before it.
+
+    A time of day is that of the day on which the clock was, wherever it was set.
+    """
+    t_ns: I64 = lines["t"]
+    if not index.has_clock:
+        place.at(None)
+    begins: list[int] = [0, *was_set(t_ns, int(t_ns[0])).tolist(), len(t_ns)]
+    for begin, end in itertools.pairwise(begins):
+        is_behind = t_ns[begin:end] >= place.at(int(t_ns[begin]))
+        if is_behind.any() and not is_behind[0]:
+            return begin + int(is_behind.argmax())
+    return _first(t_ns >= place.at(int(t_ns[0])))
+
+
+def _first(is_it: Mask) -> int:
+    """Return the first row that is it, the one behind the last where none is."""
+    return int(is_it.argmax()) if is_it.any() else len(is_it)
 
 
 def _sought(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.partends import PartEnds
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
@@ -15,13 +17,14 @@ from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.sought import Finder
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import END, FOUND, MOMENT, OF_DAY, SINCE, CapturePlace, Window
+from sniffer.selection.places import END, FOUND, SINCE, CapturePlace, Window
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.decoding.options import Options
+    from sniffer.decoding.partends import EndsSince
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.selection import Selection
@@ -77,7 +80,7 @@ class Extract:
     @property
     def is_dated(self) -> bool:
         """Whether it begins or ends at a time of day, or on a day."""
-        return any(p is not None and p.kind in (OF_DAY, MOMENT) for p in (self.start, self.stop))
+        return any(p is not None and p.is_stamp for p in (self.start, self.stop))
 
     @property
     def _is_placed(self) -> bool:
@@ -98,17 +101,29 @@ class Extract:
         of = self.of_places
         return f" where {of.text}" if of is not None else ""
 
-    def ends(self, first_ns: int | None) -> tuple[int | None, int | None]:
-        """Return the first and the last time, None where the capture's own is meant.
+    def ends(self, first_ns: int | None) -> EndsSince:
+        """Return the first and the last time; ``first_ns`` is when the capture begins.
 
         Raises:
             InputError: it ends before it begins, or the input has no clock for what was written.
         """
-        start = None if self.start is None else self.start.at(first_ns) - self.around_ns
-        stop = None if self.stop is None else self.stop.at(first_ns) + self.around_ns
-        if start is not None and stop is not None and stop < start:
+        begun = self._ends_since(first_ns, None)
+        if begun.start is not None and begun.stop is not None and begun.stop < begun.start:
             raise InputError(Sentence("{stop} must lie behind {start}"))
-        return start, stop
+        return functools.partial(self._ends_since, first_ns)
+
+    def _ends_since(self, first_ns: int | None, told_ns: int | None) -> PartEnds:
+        """Return them as they are meant by a clock that was set to ``told_ns``, None: not yet."""
+
+        def of(place: CapturePlace | None, wider_ns: int) -> tuple[int | None, bool]:
+            if place is None:
+                return None, False
+            known_ns = told_ns if place.is_stamp and told_ns is not None else first_ns
+            return place.at(known_ns) + wider_ns, place.is_stamp
+
+        start, starts_by_stamp = of(self.start, -self.around_ns)
+        stop, stops_by_stamp = of(self.stop, self.around_ns)
+        return PartEnds(start, stop, starts_by_stamp, stops_by_stamp)
 
     def narrowing(self, sinks: Sequence[object], tell: Teller) -> Narrowing:
         """Return what does it in a pipeline; the sinks are told, and so is who reads along."""
@@ -122,18 +137,20 @@ class Extract:
         if not self.is_part:
             return Narrowing(None, choose, self.context)
 
-        def ends(first_ns: int | None) -> tuple[int | None, int | None]:
-            start, stop = self.ends(first_ns)
-            begin = self.start
-            dated = begin is not None and begin.kind in (OF_DAY, MOMENT) and not begin.sought
-            early = dated and start is not None and first_ns is not None and start < first_ns
+        def ends(first_ns: int | None) -> EndsSince:
+            since = self.ends(first_ns)
+            start, stop, by_stamp, ends_by_stamp = since(None)
+            early = by_stamp and start is not None and first_ns is not None and start < first_ns
             behind = "; its first byte came after that: nothing in front is left out"
             told_of = _in_seconds(first_ns or 0, start, stop) if self._is_placed else ""
-            tell.talk(f"a part of it: {self}{told_of}{behind if early else ''}")
+            # stamps that are all before the first one: a clock that is set back may come to them
+            nowhere = ends_by_stamp and stop is not None and stop < (first_ns or 0)
+            known = "" if nowhere else f"{told_of}{behind if early else ''}"
+            tell.talk(f"a part of it: {self}{known}")
             of_whole = {"first_ns": first_ns, "from_ns": start, "to_ns": stop}
             for sink in told:
                 sink.narrow({"part": str(self), **of_whole})
-            return start, stop
+            return since
 
         return Narrowing(Slice(ends, str(self)), choose, self.context)
 

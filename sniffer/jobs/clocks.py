@@ -14,7 +14,7 @@ from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.merging.aligning import MOST, Alignment, aligned
-from sniffer.merging.answering import WireHeard, answered, are_swapped
+from sniffer.merging.answering import WireHeard, answered, are_swapped, are_taps
 from sniffer.merging.merger import Merger
 from sniffer.tap.waiting import UNSAID_NS
 
@@ -88,6 +88,8 @@ def align_taps(inputs: Sequence[Input], given: set[str], tell: Teller) -> None:
     base = inputs[0]
     for one in inputs[1:]:
         if one.path in given:
+            by = f"{one.shift_ns / NS:+.6f} s to its times, as was told"
+            tell.talk(f"{one.path}: {by}: nothing was looked for")
             continue
         found = aligned(_head(base), _head(one), byte_ns=(_byte_ns(base), _byte_ns(one)))
         if found is None:
@@ -176,13 +178,22 @@ def put_on_one_clock(asks: Input, says: Input, wires: Wires, tell: Teller, *, al
 
     Raises:
         InputError: no exchange tells what is to be added.
-        SnifferError: the first is the servos' wire.
+        SnifferError: the first is the servos' wire, or they are no two wires.
     """
     asked, heard = _heads(asks, says, wires)
     if are_swapped(asked, heard):
         raise SnifferError(
             f"{asks.path} heard only answers, and {says.path} only requests: name the controller's "
             "wire first"
+        )
+    if are_taps(asked, heard):
+        raise SnifferError(
+            Sentence(
+                "{asks} and {says} each heard requests and answers: two taps of the whole bus, and "
+                "not its two wires; leave out {pair}",
+                asks=asks.path,
+                says=says.path,
+            )
         )
     found = answered(asked, heard)
     if align:

@@ -105,9 +105,9 @@ def convert(
         asked = Extract.of(selection, window, context)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
-    if selection is not None and (lacking := selection.missing_in("samples")):
+    if selection is not None and (why := selection.lacking_in("samples")):
         for path in (path for path in outputs if path.suffix.lower() in TABLES):
-            tell.talk(_without_rows(path, lacking, selection.tables))
+            tell.talk(f"{path} has no rows: {why}")
     inputs = inputs_of(source)
     again = anonymise or (asked is not None and asked.seeks)
     opened = open_capture(inputs, input_format, again=again, wiring=options.wired)
@@ -200,16 +200,6 @@ def convert_opened(
                     for line in sink.remarks:
                         tell.talk(line)
         return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
-
-
-def _without_rows(path: Path, lacking: Sequence[str], tables: Sequence[str]) -> str:
-    """Return that a table of values has no rows, and how rows of what is selected are had."""
-    from sniffer.selection.columns import LENT
-
-    told = f"{path} has no rows: samples have no {and_(list(lacking))}"
-    if not LENT["samples"].keys() >= set(lacking):
-        return f'{told}; `sniffer query "SELECT * FROM {tables[0]}" FILE` has, as CSV, too'
-    return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
 
 
 def _selected(

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.partends import EndsSince
     from sniffer.decoding.sink import Part
     from sniffer.decoding.spans import Span
     from sniffer.ground.model import Chunk
@@ -141,7 +142,7 @@ class CutPart:
         spoken = {bus: name for bus in spans if (name := pipeline.speaks(bus)) is not None}
         # what is left out of the whole, as it was heard at other rates, is not in a part of it
         own = replace(options, protocols={**spoken, **options.protocols}, begins={})
-        return cls(spans, (slicer.from_ns, slicer.to_ns), byte_ns, options, own)
+        return cls(spans, slicer.ends[:2], byte_ns, options, own)
 
     def of(
         self,
@@ -198,7 +199,7 @@ def found(
     """
     began: list[int | None] = []
 
-    def ends(parts: Sequence[Part]) -> tuple[int | None, int | None]:
+    def ends(parts: Sequence[Part]) -> EndsSince:
         began[0] = first_told_ns(began[0], parts)
         return asked.ends(began[0])
 

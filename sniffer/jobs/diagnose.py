@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis import Incident
     from sniffer.diagnosis.rest import Rest
-    from sniffer.diagnosis.shared import Shared
+    from sniffer.diagnosis.shared import OneWay, Shared
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
@@ -52,6 +52,8 @@ class Diagnosed:
     """Incidents of several buses that are likely one fault."""
     first_ns: int = 0
     """When the capture begins: times of another day are told with their date."""
+    one_way: tuple[OneWay, ...] = ()
+    """Its buses of which one direction is heard."""
 
     @property
     def is_one_bus(self) -> bool:
@@ -123,4 +125,5 @@ def diagnose(
         done.summary.names,
         diagnosis.shared(incidents),
         diagnosis.first_ns,
+        diagnosis.one_way(incidents),
     )

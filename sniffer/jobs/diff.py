@@ -266,7 +266,7 @@ class _Run:
             if self.part is not None:
                 found = self.part.sought_in(self._source, self.options)
                 self.part = replace(found, start=_counted(found.start), stop=_counted(found.stop))
-                self.start_ns = max(self.part.ends(0)[0] or 0, 0)
+                self.start_ns = max(self.part.ends(0)(None).start or 0, 0)
 
     def read(self, sinks: Sequence[Sink], patience: Patience | None) -> tuple[Summary, Ending]:
         """Decode it."""

@@ -132,6 +132,10 @@ def query(
             named = set(_WORDS.findall(sql.lower()))
     if _SHOW.match(sql):
         named |= RELATIONS.keys()
+    if selection is not None and tell is not None:
+        for name in (name for name in RELATIONS if name in named):
+            if (why := selection.lacking_in(name)) is not None:
+                tell.talk(f"the table {name} has no rows: {why}")
     endings = [Ending.DONE]
     heard, summaries = [], []
     for source in sources:

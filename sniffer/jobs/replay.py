@@ -9,9 +9,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.decoding.partends import BusEnds
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import over
 from sniffer.ground.files import paths_of
+from sniffer.ground.heard import SteadyTime
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
@@ -123,22 +125,22 @@ def paced(
     groups: Iterable[list[Chunk]],
     speed: float,
     *,
-    ends: tuple[int | None, int | None] = (None, None),
+    ends: BusEnds | None = None,
     now: Callable[[], int] = time.monotonic_ns,
     sleep: Callable[[float], None] = nap,
     pausing: Callable[[int], None] = lambda until_ns: None,
 ) -> Iterator[list[Chunk]]:
     """Yield each group at its own moment; ``speed`` 0 does not wait at all.
 
-    What lies outside ``ends``, the first and the last time that is shown, is not waited for.
+    What lies outside ``ends``, those of the part that is shown, is not waited for.
     ``pausing`` is told before a long wait up to which time nothing more was said.
 
     Moments are those of a ``Schedule``, counted from the first group.
     """
-    schedule = Schedule(speed)
+    schedule, steady = Schedule(speed), SteadyTime()
     for group in groups:
         t = group[-1].t_ns or 0
-        if (ends[0] is not None and t < ends[0]) or (ends[1] is not None and t > ends[1]):
+        if ends is not None and not ends.have(t, steady.at(t) - t):
             pass
         elif speed > 0:
             wait = schedule.due_ns(t, now()) - now()
@@ -219,7 +221,7 @@ def replay(
         if options.protocol == AUTO and not played:
             told = {**spoken_by(head, options, now), **options.protocols}
             options = replace(options, protocols=told)
-        ends = (None, None) if asked is None else asked.ends(_first_time(head))
+        ends = None if asked is None else BusEnds(asked.ends(_first_time(head)))
         baud = usual_baud(options, head[0].bus if head else "")
         sink = show()
         pausing = functools.partial(_pause, sink)

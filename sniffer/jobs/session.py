@@ -205,7 +205,7 @@ def run_source(
             told_of = "{mistake}: it looks like {found}: decode it with {protocol:{name}}"
             name = mistake.found.protocol
             tell.talk(Sentence(told_of, mistake=mistake, found=mistake.found, name=name))
-    for rule in pipeline.unmet():
+    for rule in pipeline.unmet(is_over=True):
         tell.warn(rule)
     if part is None and pipeline.summary.buses:
         lost = options.called.astray(pipeline.summary.buses, names_in(source.facts()))

@@ -12,12 +12,15 @@ import numpy as np
 from sniffer.anomalies.found import CODES, SEVERITY, Anomalies
 from sniffer.decoding.called import ServoNames
 from sniffer.ground.gaps import Gaps
+from sniffer.ground.heard import SteadyTime
 from sniffer.ground.model import InputError
 from sniffer.selection.places import END, FOUND, CapturePlace, ambiguous
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from sniffer.decoding.sink import Part
+    from sniffer.ground.heard import SteadyPass
     from sniffer.ground.model import Batch, Chunk, Mask
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.selection import Selection
@@ -60,6 +63,7 @@ class Finder:
     """A sink that looks for places.
 
     The nth anomaly of all is counted in the order of the output, the nth of a kind in that of time.
+    Times are those of a clock that was never set.
     """
 
     def __init__(
@@ -77,6 +81,7 @@ class Finder:
         self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
         """Of anomalies that are found the bus, the first byte, and what they say."""
         self._anomalies = 0
+        self._steady: dict[str, SteadyTime] = {}
         self._told: dict[str, float] = {}
         """How far each bus was told, in ns."""
         self._met = {place: CountedKind(place.number) for place in self._places if place.is_counted}
@@ -141,24 +146,36 @@ class Finder:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Look through a batch."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Look through what several protocols said in one pass."""
+        records = self._steady.setdefault(bus, SteadyTime()).records([b for _, b in parts])
+        ended = int((records.t_ns + records.moved).max(initial=-1))
+        self._told[bus] = max(self._told.get(bus, -math.inf), ended if ended >= 0 else -math.inf)
+        for protocol, batch in parts:
+            self._look_through(bus, protocol, batch, records)
+        self._settle(self._told)
+
+    def _look_through(
+        self, bus: str, protocol: BusProtocol, batch: Batch, records: SteadyPass
+    ) -> None:
         found = Anomalies.of(batch.anomalies)
+        found = found.timed(records.of(found.t_ns, found.known_at - batch.base))
         mine = np.ones(len(found), bool)
         if self._among is not None:
             mine = self._among.rows(bus, protocol, batch)("anomalies")
-        ends = [int(t.max()) for t in (batch.frames.t_end, Gaps.of(batch.gaps).t_ns) if len(t)]
-        self._told[bus] = max((self._told.get(bus, -math.inf), *ends))
         for place in self._places:
             if place in self._times:
                 continue
             if place.is_counted:
                 self._met[place].take(bus, found, self._meant(place, bus, found, mine))
             elif place.sought == "byte" and place.bus in ("", bus):
-                if (t_ns := time_at(batch, place.number)) is not None:
+                if (t_ns := time_at(batch, place.number, records)) is not None:
                     self._times[place] = t_ns
             elif place.sought == "anomaly" and place.number <= self._anomalies + len(found):
                 self._take(place, bus, found, place.number - 1 - self._anomalies)
         self._anomalies += len(found)
-        self._settle(self._told)
 
     def _meant(self, place: CapturePlace, bus: str, found: Anomalies, mine: Mask) -> Sequence[int]:
         """Return the rows of the anomalies that a place may be one of."""
@@ -187,13 +204,16 @@ class Finder:
                 self._times[place] = int(last_ns) - place.number
 
 
-def time_at(batch: Batch, offset: int) -> int | None:
-    """Return the time of the frame or gap that has a byte of the stream; None: none here has."""
+def time_at(batch: Batch, offset: int, records: SteadyPass) -> int | None:
+    """Return the time of the frame or gap that has a byte of the stream; None: none here has.
+
+    ``records`` tells by how much the clock was set back in the pass.
+    """
     at = offset - batch.base
     gaps = Gaps.of(batch.gaps)
     f = batch.frames
     for start, length, t_ns in ((f.start, f.length, f.t_end), (gaps.start, gaps.length, gaps.t_ns)):
         rows = ((start <= at) & (at < start + length)).nonzero()[0]
         if len(rows):
-            return int(t_ns[rows[0]])
+            return int(records.of(t_ns, start)[rows[0]])
     return None

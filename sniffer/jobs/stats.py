@@ -85,7 +85,7 @@ def stats(
     if every_ns is not None and every_ns < FINEST_NS:
         raise SnifferError(Sentence("{every_ns} of less than 10 ms: a frame may take half of that"))
     by_answer = selection is not None and not _BY_ANSWER.isdisjoint(selection.columns)
-    told = Statistics(options.alarms, every_ns=every_ns, by_answer=by_answer)
+    told = Statistics(every_ns=every_ns, by_answer=by_answer)
     done = hear_part(
         source,
         told,
@@ -96,4 +96,7 @@ def stats(
         patience=patience,
         tell=tell,
     )
+    if tell is not None:
+        for rule in told.unjudged():
+            tell.warn(f"the rule {str(rule)!r} judges nothing: no value of that kind was told")
     return Tallied(name_of(source), told, done.ending, done.summary)

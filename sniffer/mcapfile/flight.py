@@ -330,8 +330,9 @@ class FlightRecorder:
         before_ns = self._around.before_ns
         since_ns = what.t_ns - before_ns if before_ns is not None else 0
         past = self.ring.since(since_ns)
-        last_ns = what.t_ns + LONGEST * self._around.after_ns
-        until_ns = min(max(what.t_ns, what.last_ns) + self._around.after_ns, last_ns)
+        # what is told now may have begun long ago
+        until_ns = max(what.t_ns, what.last_ns) + self._around.after_ns
+        last_ns = max(what.t_ns + LONGEST * self._around.after_ns, until_ns)
         path = self._free_path()
         told = {f"trigger.{key}" if key != "trigger" else key: v for key, v in what.facts().items()}
         protocols = {

@@ -44,6 +44,10 @@ NARROW: Final = 0.97
 """Where so many of the answers that speak for the foremost difference of the wide spread lie within
 the narrow one, that is taken: it is wrong by less."""
 
+BOTH: Final = 0.2
+"""The share of requests, and of answers, that a wire of one direction has not: what crosses over to
+it from the other wire, or reads as the other kind, is less."""
+
 CLEARLY: Final = 0.005
 """So many of the answers more must speak for a difference than for any other, and 3 at least."""
 
@@ -66,6 +70,16 @@ class WireHeard(NamedTuple):
     def has_only(self, kind: int) -> bool:
         """Tell whether all its frames are of a kind, and not few."""
         return len(self.frames) >= LEAST and bool((self.frames.kind == kind).all())
+
+    def has_both(self) -> bool:
+        """Tell whether requests and answers are on it, and not few of either."""
+        asked = float((self.frames.kind == REQUEST).mean()) if len(self.frames) >= LEAST else 0.0
+        return BOTH <= asked <= 1 - BOTH
+
+
+def are_taps(asked: WireHeard, heard: WireHeard) -> bool:
+    """Tell whether each heard the whole bus: requests and answers alike."""
+    return asked.has_both() and heard.has_both()
 
 
 def are_swapped(asked: WireHeard, heard: WireHeard) -> bool:

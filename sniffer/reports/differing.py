@@ -56,9 +56,9 @@ class RunDifference:
     """One thing in which two runs differ.
 
     ``about`` is ``response_time``, ``motion``, ``period``, ``value``, ``goal``, ``missing``,
-    ``error``, ``command``, ``setting``, ``servo`` or ``incident``; ``name`` the command, quantity,
-    code, register, cause, ``first_motion`` or ``lag``. ``a`` and ``b`` hold the numbers of
-    each run, ``p`` the chance corrected for all that was compared.
+    ``error``, ``command``, ``setting``, ``servo``, ``incident`` or ``protocol``; ``name`` the
+    command, quantity, code, register, cause, ``first_motion`` or ``lag``. ``a`` and ``b`` hold the
+    numbers of each run, ``p`` the chance corrected for all that was compared.
     """
 
     about: str
@@ -154,6 +154,7 @@ def differences(a: RunFigures, b: RunFigures) -> RunDifferences:
         *_rates(a, b),
         *_settings(a, b),
         *_servos(a, b),
+        *_protocols(a, b),
     ]
     tested = [one for one in found if one.verdict is not None]
     chances = holm([one.verdict.p for one in tested if one.verdict is not None])
@@ -168,7 +169,10 @@ def differences(a: RunFigures, b: RunFigures) -> RunDifferences:
             unproven.append(_told(one, p))
     for each in (out, unproven):
         each.sort(
-            key=lambda d: (d.p, -abs(d.effect or 0.0), d.about, d.bus, d.servo_id or -1, d.name)
+            key=lambda d: (
+                *(d.about != "protocol", d.p, -abs(d.effect or 0.0), d.about, d.bus),
+                *(d.servo_id or -1, d.name),
+            )
         )
     return RunDifferences(out, unproven, len(tested))
 
@@ -352,7 +356,7 @@ def _settings(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     for key in sorted(a.settings.keys() & b.settings.keys(), key=_order):
         who, name = key
         x, y = a.settings[key], b.settings[key]
-        if x != y:
+        if x != y and a.protocols[who.bus] == b.protocols[who.bus]:
             told = [{"raw": sorted(values)} for values in (x, y)]
             sentence = f"{name} is {_listed(x)} in A, {_listed(y)} in B (raw)"
             yield _Found("setting", who, name, told[0], told[1], None, sentence)
@@ -378,3 +382,13 @@ def _servo(who: Who) -> tuple[str, int]:
 
 def _order(key: tuple[Who, str]) -> tuple[str, int, str]:
     return (*_servo(key[0]), key[1])
+
+
+def _protocols(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
+    """Tell of buses that speak two protocols: registers of one name are two things there."""
+    for bus in sorted(a.protocols.keys() & b.protocols.keys()):
+        x, y = a.protocols[bus], b.protocols[bus]
+        if x != y:
+            told = [{"n": run.frames[bus], "protocol": name} for run, name in ((a, x), (b, y))]
+            sentence = f"{x} is spoken in A, {y} in B: other robots, or other servos"
+            yield _Found("protocol", Who(bus, None), "", told[0], told[1], None, sentence)

@@ -77,6 +77,7 @@ class RunFigures:
         self.commanded: dict[tuple[Who, str], Thinned] = {}
         self.settings: dict[tuple[Who, str], set[int]] = {}
         self.spans: dict[str, HeardSpan] = {}
+        self.protocols: dict[str, str] = {}
         self.incidents: tuple[Incident, ...] = ()
         """What a diagnosis says of the run, where all of it is compared."""
         self._tables: frozenset[str] = frozenset(("anomalies", "transactions"))
@@ -97,6 +98,7 @@ class RunFigures:
         bus = bus_of(bus, protocol, batch)
         f = batch.frames
         self.heard[bus] += len(f)
+        self.protocols[bus] = protocol.name
         if len(f):  # what happens so often does so in all the time
             self.spans.setdefault(bus, HeardSpan()).take(protocol.name, f)
         self._motion(bus, protocol, batch)
@@ -127,6 +129,7 @@ class RunFigures:
         self.frames = Counter({bus: self.frames[bus]})
         self.heard, self.rows = Counter({bus: self.heard[bus]}), Counter({bus: self.rows[bus]})
         self.spans = {name: span for name, span in self.spans.items() if name == bus}
+        self.protocols = {bus: self.protocols[bus]}
 
     def rename(self, bus: str, name: str) -> None:
         """Give the only bus another name."""
@@ -137,6 +140,7 @@ class RunFigures:
         self.frames = Counter({name: self.frames[bus]})
         self.heard, self.rows = Counter({name: self.heard[bus]}), Counter({name: self.rows[bus]})
         self.spans = dict(zip([name], self.spans.values(), strict=False))
+        self.protocols = {name: self.protocols[bus]}
         self.incidents = tuple(replace(i, bus=name) for i in self.incidents)
         self.requests = Counter({own(w): n for w, n in self.requests.items()})
         self.expected = Counter({own(w): n for w, n in self.expected.items()})

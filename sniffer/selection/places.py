@@ -82,6 +82,11 @@ class CapturePlace:
         """Whether it is one of the anomalies of a kind, of which a selection may have fewer."""
         return self.sought not in ("", "byte", "anomaly", END)
 
+    @property
+    def is_stamp(self) -> bool:
+        """Whether it is what stamps say, and not a time since the capture began."""
+        return self.kind in (OF_DAY, MOMENT) and not self.sought
+
     def about(self, bus: str, names: ServoNames) -> list[int]:
         """Return the ids of the servos of a bus that are meant, where one is told."""
         if isinstance(self.servo, str):

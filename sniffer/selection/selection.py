@@ -75,6 +75,16 @@ class Selection:
             return ()
         return tuple(name for name in self.columns if name not in TABLES[table])
 
+    def lacking_in(self, table: str) -> str | None:
+        """Return why a table has no rows of it, whatever was said, and what to ask for; or None."""
+        lacking = self.missing_in(table)
+        if not lacking:
+            return None
+        told = f"{table} have no {and_(list(lacking))}"
+        if LENT.get(table, {}).keys() >= set(lacking):
+            return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
+        return f'{told}; `sniffer query "SELECT * FROM {self.tables[0]}" FILE` has, as CSV, too'
+
     def about(self, table: str) -> Selection | None:
         """Return what of it can be asked of a table's rows, None: nothing.
 

@@ -1,6 +1,7 @@
 """What servos' registers held, as people read it: servos of which the same was said stand together.
 
-So a setting that one servo has otherwise than its neighbours is a line of its own.
+So a setting that one servo has otherwise than its neighbours, or that changed more often there, is
+a line of its own.
 """
 
 from __future__ import annotations
@@ -77,12 +78,12 @@ def _table(rows: Sequence[HeldRegister], names: ServoNames, began_ns: int | None
     place = "last at byte" if began_ns is None else "last at s"
     columns = ("register", "servos", "first", "last", "read+set", "changes", place)
     table = Tabulated(*columns, left=("servos", "first", "last"), whole=("register",))
-    alike: dict[tuple[str, str, str], list[HeldRegister]] = {}
+    alike: dict[tuple[str, str, str, int], list[HeldRegister]] = {}
     for held in sorted(rows, key=lambda h: (h.register.address, h.register.name, h.servo_id)):
         first, last = _shown(held, held.first), _shown(held, held.last)
-        alike.setdefault((held.register.name, first, last), []).append(held)
+        alike.setdefault((held.register.name, first, last, held.changes), []).append(held)
     before = ""
-    for (name, first, last), mine in alike.items():
+    for (name, first, last, _), mine in alike.items():
         latest = max(mine, key=lambda h: (h.last.t_ns, h.last.offset))
         said = [sum(getattr(h, n) for h in mine) for n in ("reads", "writes", "changes")]
         at = latest.last.offset if began_ns is None else (latest.last.t_ns - began_ns) / NS

@@ -117,6 +117,12 @@ def _print_shared(name: str, b: BusTotals, console: Console) -> None:
     console.print()
 
 
+def _untimed(b: BusTotals) -> str:
+    if b.clock != "none" and not b.kinds.total():
+        return "no frame in it: nothing was timed"
+    return "no clock in the input: times are nominal"
+
+
 def _print_bus(
     name: str,
     b: BusTotals,
@@ -132,7 +138,7 @@ def _print_bus(
     held = math.floor(100 * share) / 100  # 100 % is said of nothing less
     lines = [
         f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} ({held:.2f} %)",
-        f"over {length:.3f} s" if length else "no clock in the input: times are nominal",
+        f"over {length:.3f} s" if length else _untimed(b),
     ]
     if told is not None and length:
         lines += _timing(told)

@@ -169,7 +169,8 @@ def _about(
     yield line + (f" ({gaps})" if gaps else "")
     load = bus["load"]
     if load is None:
-        yield "no clock in the input: no rates and no times"
+        why = "no clock in the input" if bus["frames"] else "no frame in it"
+        yield f"{why}: no rates and no times"
         return
     yield f"over {bus['seconds']:.3f} s{_silent(bus, first)}"
     told, shares, width_ns = f"load {percent(load['mean'])}", load["shares"], load["slice_ns"]

@@ -13,6 +13,7 @@ from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.heard import SteadyTime
 from sniffer.ground.limits import DATED_NS
 from sniffer.ground.model import GAP_MAX, NS, Anomaly, Batch, Chunk, Clock
 from sniffer.ground.moments import DAY_NS, date_of, of_day
@@ -125,6 +126,7 @@ class TextSink:
         self._times = times
         self._first_ns: int | None = None
         self._last_ns: dict[str, int] = {}
+        self._steady: dict[str, SteadyTime] = {}
         self._second = -1, ""
         """The second that was told last, in words."""
         self._day: int | None = None
@@ -338,10 +340,10 @@ class TextSink:
         t_ns = line.t_ns
         if self._first_ns is None:
             self._first_ns = t_ns
-        before = self._last_ns.get(bus, t_ns)
-        self._last_ns[bus] = t_ns
         if self._times != ABSOLUTE:
-            passed = t_ns - (before if self._times == DELTA else self._first_ns)
+            now = self._steady.setdefault(bus, SteadyTime()).at(t_ns)
+            before, self._last_ns[bus] = self._last_ns.get(bus, now), now
+            passed = now - (before if self._times == DELTA else self._first_ns)
             return f"{passed / NS:.{digits}f}".rjust(9 + digits)
         if line.clock == Clock.NONE:
             return f"{t_ns / NS:.6f}".rjust(9 + digits)

@@ -39,7 +39,7 @@ class SeveralSources(Source):
 
     def __init__(self, parts: Sequence[Source]) -> None:
         begins = [(part, t_ns) for part in parts if (t_ns := _first(part)) is not None]
-        self._begins = sorted(begins, key=_begin) if len(begins) == len(parts) else []
+        self._begins = sorted(begins, key=itemgetter(1)) if len(begins) == len(parts) else []
         self._parts = [part for part, _ in self._begins] or list(parts)
         formats = {part.format for part in parts}
         form = formats.pop() if len(formats) == 1 else "several"
@@ -139,7 +139,10 @@ class SeveralSources(Source):
             part.close()
 
 
-ONE_BY_ONE: Final = "decode them one by one, or make one file of them with `sniffer merge`"
+ONE_BY_ONE: Final = (
+    "decode them one by one, or make one file of them with `sniffer merge` "
+    "(`sniffer merge --pair`, if each heard one wire of one bus)"
+)
 
 NAMED_MOST: Final = 3
 """Files of a capture that its name has; of more it has the first."""
@@ -382,10 +385,6 @@ def _undamaged(part: Source, damage: list[str]) -> Iterator[Sequence[Chunk]]:
 def _overlapping(part: Source) -> InputError:
     why = "begins before the one in front of it has ended"
     return InputError(f"{part.name} {why}: {ONE_BY_ONE}")
-
-
-def _begin(begin: tuple[Source, int]) -> int:
-    return begin[1]
 
 
 def _next(one: _PartRead) -> int:

@@ -53,7 +53,7 @@ class _Exceeding:
     """One rule, for all servos of a bus."""
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
-        self._alarm = alarm
+        self.alarm = alarm
         self._unit = what.unit
         self._is_met: Any = OPERATORS[alarm.op]
         self._watch = ThresholdWatch(alarm, what, protocol)
@@ -66,8 +66,8 @@ class _Exceeding:
             self._count(who, taken(found, found.servo == who), batch)
 
     def _count(self, who: int, found: JudgedValues, batch: Batch) -> None:
-        met: Mask = self._is_met(found.value, self._alarm.limit)
-        mine = self.figures.setdefault(who, ExceedingFigures(str(self._alarm), who, self._unit))
+        met: Mask = self._is_met(found.value, self.alarm.limit)
+        mine = self.figures.setdefault(who, ExceedingFigures(str(self.alarm), who, self._unit))
         mine.count += len(met)
         mine.met += int(met.sum())
         t_first, was = self._last.get(who, (int(found.t_ns[0]), False))
@@ -87,7 +87,7 @@ class _Exceeding:
 
         rows = np.flatnonzero(met)
         mine.first, mine.last = mine.first or said(int(rows[0])), said(int(rows[-1]))
-        if sign := {">": 1, "<": -1}.get(self._alarm.op[0], 0):
+        if sign := {">": 1, "<": -1}.get(self.alarm.op[0], 0):
             worst = said(int((sign * found.value).argmax()))
             if mine.worst is None or sign * worst.value > sign * mine.worst.value:
                 mine.worst = worst
@@ -99,10 +99,17 @@ class Exceedings:
     def __init__(self, protocol: BusProtocol, alarms: Sequence[Alarm]) -> None:
         told = [(alarm, meant(alarm, protocol.registers)) for alarm in dict.fromkeys(alarms)]
         self._rules = [_Exceeding(alarm, what, protocol) for alarm, what in told if what]
+        self._heard: set[int] = set()
+
+    def asked(self) -> set[str]:
+        """Return the rules that are about servos which were heard."""
+        whose = {str(rule.alarm): rule.alarm.servo_id for rule in self._rules}
+        return {rule for rule, who in whose.items() if who is None or who in self._heard}
 
     def add(self, batch: Batch) -> None:
         """Count a batch in."""
         if self._rules:
+            self._heard.update(distinct(batch.frames.servo_id)[0].tolist())
             told = usable(batch)
             for rule in self._rules:
                 rule.add(batch, told)

@@ -104,14 +104,13 @@ class Statistics:
     """A sink that keeps what ``sniffer stats`` tells, in memory that does not grow with the time.
 
     Of a selection what is selected is counted; rates are over all the time that was heard.
-    ``alarms`` are rules of the user's own: how long they were met is told, too. With ``every_ns``
-    what was said is counted in slices of that time, too. ``by_answer``: it is selected by what came
-    of requests, so shares of missing answers would say of the selection only, and are left out.
+    How long rules of the user's own were met is told, too. With ``every_ns`` what was said is
+    counted in slices of that time, too. ``by_answer``: it is selected by what came of requests, so
+    shares of missing answers would say of the selection only, and are left out.
     """
 
     def __init__(
         self,
-        alarms: Sequence[Alarm] = (),
         *,
         every_ns: int | None = None,
         by_answer: bool = False,
@@ -122,7 +121,7 @@ class Statistics:
         self.slices: dict[str, SliceBook] = {}
         self.names = ServoNames()
         self.by_answer = by_answer
-        self._alarms = alarms
+        self._alarms: Sequence[Alarm] = ()
         self._every_ns = every_ns
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -136,6 +135,16 @@ class Statistics:
     def call(self, names: ServoNames) -> None:
         """Take what servos are called."""
         self.names = names
+
+    def rule(self, alarms: Sequence[Alarm]) -> None:
+        """Take the user's own rules."""
+        self._alarms = alarms
+
+    def unjudged(self) -> list[Alarm]:
+        """Return the rules that a servo which was heard might meet, and none told a value for."""
+        judged = {f.rule for lane in self.lanes.values() for f in lane.exceedings.figures()}
+        asked = {rule for lane in self.lanes.values() for rule in lane.exceedings.asked()}
+        return [a for a in self._alarms if str(a) in asked - judged]
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""

@@ -64,17 +64,7 @@ class SliceBook:
     def add(self, batch: Batch, mine: Batch) -> None:
         """Count in what is selected of a batch, ``mine``; the time is that of all of it."""
         f, gaps, t = mine.frames, Gaps.of(mine.gaps), mine.transactions
-        every = Gaps.of(batch.gaps)
-        starts = np.concatenate([batch.frames.start, every.start])
-        order = np.argsort(starts, kind="stable")
-        starts = starts[order]
-        told = np.concatenate([batch.frames.t_end, every.t_ns])[order]
-        moved = self._steady.of(told) - told
-
-        def steady(t_ns: I64, start: I64) -> I64:
-            row = np.searchsorted(starts, start, "right") - 1
-            return t_ns + moved[np.maximum(row, 0)] if len(moved) else t_ns
-
+        steady = self._steady.records([batch]).of
         ended = steady(f.t_end, f.start)
         self._count(steady(batch.frames.t_end, batch.frames.start))
         self._count(ended, bytes=f.length.astype(np.int64), frames=1)

@@ -70,8 +70,9 @@ def awaited_in(text: str) -> Awaited:
 class Sighting:
     """Something that was waited for.
 
-    ``name`` is the code or the cause; ``t_ns`` when it was, on the clock of the bus, ``last_ns``
-    when it was seen last so far. ``is_new``: it has not been going on already.
+    ``name`` is the code or the cause; ``t_ns`` when it was, on the clock of the bus (an incident:
+    when it began), ``last_ns`` when it was seen last so far. ``is_new``: it has not been going on
+    already.
     """
 
     wanted: Awaited
@@ -150,7 +151,7 @@ class Watch:
         for key in keys:
             self._last[key] = i.last_ns
         is_new = i.last_ns - before > QUIET_NS
-        seen = Sighting(one, i.cause, i.bus, i.last_ns, i.servo_ids, i.story, i.last_ns, is_new)
+        seen = Sighting(one, i.cause, i.bus, i.first_ns, i.servo_ids, i.story, i.last_ns, is_new)
         self._seen.append(seen)
 
     def _see(self, bus: str, found: Anomalies, row: int, last_ns: int) -> None:

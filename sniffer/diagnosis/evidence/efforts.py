@@ -84,10 +84,11 @@ class Effort:
         return float(np.median(self.steady[rows])), float(np.median(self.size[rows]))
 
     def told(self, value: float) -> str:
-        """Return a number in words."""
+        """Return a number in words, as the nearest that a servo can state: it is a mean."""
         if self.full:
             return f"{self.series.register.quantity.replace('_', ' ')} {value / self.full:.0%}"
-        return f"{self.series.register.quantity} {self.series.told(value)}"
+        step = self.series.scale
+        return f"{self.series.register.quantity} {self.series.told(round(value / step) * step)}"
 
 
 def _greatest(series: Series) -> float:

@@ -7,16 +7,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.evidence.jumping import altered
-from sniffer.diagnosis.evidence.parts import part_of
 from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.ground.model import I64, Mask
-
-QUARTERS: Final = 4
-DEVIATIONS: Final = 4.0
-"""How far beyond chance what becomes more lies behind the middle of the time."""
 
 IN_A_ROW: Final = 2.5
 """Losses of a servo that are no further apart than so many of its turns are of one moment."""
@@ -83,18 +78,6 @@ class LostAnswers:
             turn = (back - first) / missed
             far = (far & ~is_same) | (within[:-1] & (times[1:] > (back + SOON * turn)[:-1]))
         return far
-
-    def quarters(self, first_ns: int, last_ns: int) -> tuple[int, ...]:
-        """Return how many it lost in each quarter of a time where these become more; else nothing.
-
-        Moments that come at any time lie in the middle of it on average, give or take what chance
-        leaves: the more there are, the less.
-        """
-        place = (self.times - first_ns) / max(last_ns - first_ns, 1)
-        beyond = (place.mean() - 0.5) * (12 * len(place)) ** 0.5 if len(place) else 0.0
-        part = part_of(self.times, first_ns, last_ns, QUARTERS)
-        counts = np.bincount(part, minlength=QUARTERS).tolist()
-        return tuple(counts) if beyond > DEVIATIONS else ()
 
     def within(self, times: I64) -> float:
         """Return the part of its losses that are near some moments (sorted)."""

@@ -345,15 +345,17 @@ class Exchanges:
             )
         if self._run is not None and not again[0]:
             self._end_run()
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], again.astype(np.int8), [0]])))
-        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            until = int(r.t_end[b])
+        runs = np.flatnonzero(np.diff(again.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+        full = KEPT - len(self.runs) + 1
+        # of more than are kept the last one counts, which may go on
+        for a, b in runs if len(runs) <= full else [*runs[:full], runs[-1]]:
+            until, more = int(r.t_end[b]), int(b - a)
             if self._run is None:
                 row = np.array([a])
                 at, length, servo = (int(c(row)[0]) for c in (r.places, r.lengths, r.servos))
-                self._run = Run(int(r.t_start[a]), until, at, length, servo, b - a, int(r.kind[a]))
+                self._run = Run(int(r.t_start[a]), until, at, length, servo, more, int(r.kind[a]))
             else:
-                self._run = self._run._replace(again=self._run.again + b - a, until_ns=until)
+                self._run = self._run._replace(again=self._run.again + more, until_ns=until)
             if b < len(again):
                 self._end_run()
 

@@ -157,7 +157,12 @@ class Silences:
         n = len(missed)
         if who in self._open and not missed[0]:
             self._close(who, int(frames.t_start[rows[0]]))
-        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        begin, end = edges[::2], edges[1::2]
+        kept = self._kept(who, end - begin, begin < heard)
+        lengths = self._lengths.setdefault(who, [0] * LEAST)
+        for missed_by in np.minimum(end - begin, LEAST)[~kept].tolist():
+            lengths[missed_by - 1] += 1
+        for a, b in zip(begin[kept].tolist(), end[kept].tolist(), strict=True):
             row = rows[a]
             count = b - a
             if who not in self._open:
@@ -174,6 +179,15 @@ class Silences:
             self._open[who] = one._replace(missed=one.missed + count, last_ns=last_ns)
             if b < n:
                 self._close(who, int(frames.t_start[rows[b]]))
+
+    def _kept(self, who: int, missed: I64, is_unheard: Mask) -> Mask:
+        """Tell which stretches of a batch are looked at: of the others there are enough."""
+        number = np.arange(len(missed))
+        room = KEPT - len(self._runs.get(who, ())) + int(is_unheard.sum())
+        kept: Mask = (number <= room) | (number == len(missed) - 1) | is_unheard
+        long = np.flatnonzero(missed >= LEAST)
+        kept[long[: KEPT + 1 - len(self._over.get(who, ()))]] = kept[long[-1:]] = True
+        return kept
 
     def _close(self, who: int, t_ns: int) -> None:
         one = self._open.pop(who)._replace(back_ns=t_ns)

@@ -185,6 +185,12 @@ WEIGHTS: Final = (
         ("coarse-stamps", -0.5, "the stamps cannot tell small differences"),
     ),
     *for_(
+        "controller-slows",
+        ("loop-slows", 4.0, "it says less and less, and rests longer and longer"),
+        ("clock-stepped", -2.0, "the clock of the input was set"),
+        ("tap-was-late", -0.5, "the tap itself was late"),
+    ),
+    *for_(
         "bus-saturated",
         ("bus-full", 3.5, "bytes are on the line nearly all the time"),
         ("clock-stepped", -2.0, "the clock of the input was set"),

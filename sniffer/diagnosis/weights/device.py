@@ -363,6 +363,7 @@ WEIGHTS: Final = (
         "slow-servo",
         ("slower-than-peers", 4.0, "it takes longer than the others, for the same command"),
         ("slow-by-its-delay", 4.0, "it waits as long as its register says, longer than the others"),
+        ("slower-and-slower", 4.0, "it takes longer and longer, for the same commands"),
         ("slower-than-its-delay", 3.0, "it takes longer than its delay register says"),
         ("late-replies", 2.2, "its answers come behind their window"),
         ("late-response", 0.8, "its answers come late"),

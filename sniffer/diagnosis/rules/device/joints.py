@@ -39,6 +39,7 @@ FINDINGS: Final = (
         "A joint does not follow its goals, and its motor does nothing about it.",
         "For a second or longer: an error as above, no approach, and the load or current of a motor that is off. It counts half where the last that was said of its torque is that it is on, and the servo was never away since.",
         is_lasting=True,
+        settle="Read the torque register of the servo. If its torque is on, watch the joint: where that moves, its position sensor stands still; where it does not, its motor or its gear has come loose.",
     ),
     FindingCode(
         "joint-limp-after-alarm",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.evidence.parts import part_of
+from sniffer.diagnosis.evidence.parts import grows, part_of
 from sniffer.diagnosis.evidence.tracks import in_force, track
 from sniffer.diagnosis.model import Finding, Place
 
@@ -39,21 +39,26 @@ MOST: Final = 0.9
 TIMES: Final = 3.0
 """How many times what it was the lag must become: what a joint carries makes it lag a little."""
 
-RISES: Final = 3
 RISE: Final = 0.1
-"""Steps from one part to the next, of four, that rise by a tenth and more of what it was: what is put
-down on a joint is one step."""
+"""By which part of what it was the lag rises from one part to the next."""
+
+NEARLY: Final = 1 / 8
+"""Part of what counts as far that is as good as no lag."""
 
 EVENLY: Final = 1.5
 """How many times as fast the goals of one part may move as those of another."""
 
 
 class _Lag(NamedTuple):
-    """How far a joint is behind its goals, part by part, and the row at which it is farthest."""
+    """How far a joint is behind its goals, part by part, and the row at which it is farthest.
+
+    ``far_ns`` is when the first part begins in which it is far behind.
+    """
 
     joint: JointTrack
     parts: F64
     worst: int
+    far_ns: int
 
 
 def lags_more(case: Case) -> Iterator[Finding]:
@@ -63,13 +68,13 @@ def lags_more(case: Case) -> Iterator[Finding]:
     rising = [lag for lag in lags if _rises(lag)]
     if len(tracks) > 1 and 2 * len(rising) > len(tracks):
         return  # what all of them have is the loop's
-    for joint, parts, worst in rising:
+    for joint, parts, worst, far_ns in rising:
         p, servo = joint.position, joint.servo_id
         t_ns = int(p.t[worst])
         yield Finding(
             "lags-more",
             servo,
-            int(p.t_first[0]),
+            far_ns,
             int(p.t[-1]),
             1,
             f"servo {servo} lags {p.told(parts[0])} behind its goals in the first fifth of the time, and "
@@ -80,9 +85,12 @@ def lags_more(case: Case) -> Iterator[Finding]:
 
 
 def _lag(joint: JointTrack) -> _Lag | None:
-    """Return how far a joint is behind; None where that cannot be told or its goals change."""
+    """Return how far a joint is behind; None where that cannot be told or its goals change.
+
+    Who ceases to follow at all has something else, from a moment on.
+    """
     p, g = joint.position, joint.goal
-    if len(p) < PARTS * ROWS:
+    if joint.away or len(p) < PARTS * ROWS:
         return None
     low, high = in_force(g, p.t, p.t)
     away = np.nan_to_num(np.maximum(np.maximum(low - p.last, p.last - high), 0.0))
@@ -94,14 +102,14 @@ def _lag(joint: JointTrack) -> _Lag | None:
     if pace.min() <= 0 or pace.max() > EVENLY * pace.min():
         return None
     parts = np.array([np.quantile(away[row == k], MOST) for k in range(PARTS)])
-    return _Lag(joint, parts, int(np.argmax(np.where(row == PARTS - 1, away, -1.0))))
+    far_ns = int(p.t_first[np.argmax(row == np.argmax(parts > joint.far))])
+    return _Lag(joint, parts, int(np.argmax(np.where(row == PARTS - 1, away, -1.0))), far_ns)
 
 
 def _rises(lag: _Lag) -> bool:
-    first, last = float(lag.parts[0]), float(lag.parts[-1])
-    steps = np.diff(lag.parts) / np.maximum(lag.parts[:-1], lag.joint.far / 8)
-    even = int((steps >= RISE).sum()) >= RISES and bool((steps >= -RISE).all())
-    return even and last > lag.joint.far and last >= TIMES * first
+    far, last = lag.joint.far, float(lag.parts[-1])
+    rises = grows(lag.parts, RISE, NEARLY * far)
+    return rises and last > far and last >= TIMES * float(lag.parts[0])
 
 
 RULES: Final[tuple[Rule, ...]] = (lags_more,)

@@ -151,7 +151,7 @@ def temperature(case: Case) -> Iterator[Finding]:
             int(t.t_first[0]),
             int(t.t[top]),
             1,
-            f"servo {servo} rises from {t.told(begin)} to {t.told(begin + rise)} in "
+            f"servo {servo} rises from {t.told(t.first[0])} to {t.told(t.high[top])} in "
             f"{seconds:.1f} s; {of} {t.told(limit)}",
             _places(t, [top]),
             strength=min(0.4 + rise / 50, 1.0),
@@ -306,7 +306,8 @@ def load(case: Case) -> Iterator[Finding]:
         if not stretches:
             continue
         longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
-        most = float(max(motor.steady[a:b].mean() for a, b in stretches))
+        # where it begins and ends a quarter second has the rest as well
+        most = float(max(np.median(motor.steady[a:b]) for a, b in stretches))
         still = _stands(case, servo, [(int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches])
         yield Finding(
             "load-high-and-still" if still else "load-high",
@@ -317,8 +318,8 @@ def load(case: Case) -> Iterator[Finding]:
             f"servo {servo} has {motor.told(most)} for {longest_ns / NS:.1f} s, usually "
             f"{motor.told(usual)}" + (", and does not move with its goals" if still else ""),
             tuple(
-                Place(int(s.at[a]), 1, int(s.t_first[a]), motor.told(motor.steady[a]))
-                for a, _ in stretches[:3]
+                Place(int(s.at[k]), 1, int(s.t_first[k]), motor.told(abs(s.first[k])))
+                for k in (min(a + 1, b - 1) for a, b in stretches[:3])
             ),
             strength=min(0.7 + 0.3 * longest_ns / PLENTY_NS, 1.0),
             brief=f"servo {servo} at {motor.told(most)}",

@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
 from sniffer.diagnosis.evidence.jumping import altered, altered_bare
+from sniffer.diagnosis.evidence.parts import more_and_more
 from sniffer.diagnosis.evidence.placed import is_talk
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
@@ -236,6 +237,12 @@ def damage_of(
     places = [Place(at, length, t, "damaged") for at, length, t in torn]
     places += [Place(s.at, 1, s.t_ns, "a value that one bit altered") for s in jumps]
     places.sort(key=lambda place: place.offset)
+    altered_ns = np.array([s.t_ns for s in jumps], np.int64)
+    times = np.concatenate([np.repeat(d["t_first"], d["n"]), altered_ns])
+    more = more_and_more(times, case.first_ns, case.last_ns) if case.has_clock else ()
+    if more:
+        what += f"; more and more: {', '.join(map(str, more))} by quarters of the time"
+        brief += ", more and more"
     return Finding(
         code,
         servo,

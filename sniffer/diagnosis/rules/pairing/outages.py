@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, so_alike, sureness
 from sniffer.diagnosis.evidence.lost import NEAR_NS, LostAnswers
+from sniffer.diagnosis.evidence.parts import more_and_more
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.ledger.silences import of_one_length
@@ -30,6 +31,12 @@ FINDINGS: Final = (
         "comes-and-goes",
         "Answers of this servo are missing or torn now and then, in moments in which others are sound.",
         "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near; or for a while so many, some of them missing, without one of another servo between, that chance does not choose it.",
+    ),
+    FindingCode(
+        "lost-more-and-more",
+        "A servo that loses answers now and then loses more and more of them.",
+        "As `comes-and-goes`; how many are lost in each of twenty parts of the time goes with the time (a correlation of ranks of 0.8), and the last quarter has the most.",
+        is_manner=True,
     ),
     FindingCode(
         "lost-together",
@@ -129,7 +136,7 @@ def losses(case: Case) -> Iterator[Finding]:
             Place(at, 1, t, "a request without a sound answer")
             for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)
         )
-        more = _more(case, one)
+        more = more_and_more(one.times, case.first_ns, case.last_ns) if case.has_clock else ()
         others = (
             f"{rest_bad} of {rest} of {counted(len(sound), 'other')}"
             if sound
@@ -142,12 +149,23 @@ def losses(case: Case) -> Iterator[Finding]:
             int(one.times[-1]),
             one.bad,
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
-            f"({one.torn} of them torn) in {one.moments} moments; {others}{more}",
+            f"({one.torn} of them torn) in {one.moments} moments; {others}",
             places,
             strength=max(sureness(chance), 0.4) * min(TORN_ONLY + 1.5 * one.missing / one.bad, 1.0),
             brief=f"servo {one.servo} loses {'more and more answers' if more else f'answers in {one.moments} moments'}",
             episodes=episodes(one.times, one.times, BUCKET_NS),
         )
+        if more:
+            yield Finding(
+                "lost-more-and-more",
+                one.servo,
+                first,
+                int(one.times[-1]),
+                one.bad,
+                f"servo {one.servo} loses more and more: {', '.join(map(str, more))} answers by "
+                "quarters of the time",
+                places,
+            )
         if one.servo in shared:
             with_it = ", ".join(str(s) for s in shared if s != one.servo)
             yield Finding(
@@ -160,14 +178,6 @@ def losses(case: Case) -> Iterator[Finding]:
                 places,
                 brief=f"servo {one.servo} together with {with_it}",
             )
-
-
-def _more(case: Case, one: LostAnswers) -> str:
-    """Say that a servo loses more and more, where it does."""
-    counts = one.quarters(case.first_ns, case.last_ns) if case.has_clock else ()
-    return (
-        f"; more and more: {', '.join(map(str, counts))} by quarters of the time" if counts else ""
-    )
 
 
 def _for_a_while(case: Case, bad: list[LostAnswers]) -> Iterator[Finding]:

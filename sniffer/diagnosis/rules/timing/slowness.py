@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.acks import seldom_answered
 from sniffer.diagnosis.evidence.chances import at_least
+from sniffer.diagnosis.evidence.parts import grows, part_of
 from sniffer.diagnosis.ledger.keys import pair_key, pair_of
 from sniffer.diagnosis.ledger.slowest import SLOW_NS
 from sniffer.diagnosis.model import Finding, Place
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.ledger.events import Happenings
     from sniffer.diagnosis.ledger.histograms import Histograms
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import F64, I64
 
 LESS_DELAY: Final = "It does as it is told: write it a smaller return delay, if it is to answer as soon as the others."
+
+NO_SETTING: Final = "Switch it off and on, and see whether it answers as soon as in the beginning: no setting changes by itself, so look at its temperature, its supply and its firmware."
 
 FINDINGS: Final = (
     FindingCode(
@@ -37,6 +40,14 @@ FINDINGS: Final = (
         "The same, where the delay that was read or written is longer than its peers take, and is what it takes at least.",
         remedy=LESS_DELAY,
         settle=LESS_DELAY,
+    ),
+    FindingCode(
+        "slower-and-slower",
+        "A servo takes longer and longer to answer, and the other servos do not.",
+        "The same, where what its answers take on average grows in at least three of four steps from one fifth of the time to the next by a tenth, falls in none, and by a millisecond and more than stamps may be off in all, and that of the others' answers does not.",
+        remedy=NO_SETTING,
+        settle=NO_SETTING,
+        concerns="",
     ),
     FindingCode(
         "late-replies",
@@ -72,6 +83,10 @@ PEERS: Final = 0.9
 
 BEYOND_NS: Final = 1_000_000
 """What a servo may need to work out an answer, beside its delay."""
+
+PARTS: Final = 5
+RISE: Final = 0.1
+"""Parts of the time, and by which part of what it was a delay that grows rises from one to the next."""
 
 
 class _Slow(NamedTuple):
@@ -192,15 +207,7 @@ def _to_the_end(case: Case) -> tuple[Histograms, list[_Times]]:
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     worst = max(several, key=lambda s: s.slow)
     delay = _delay(case, servo)
-    rows = np.flatnonzero(
-        (case.answers["servo_id"] == servo) & (case.answers["took_max"] > worst.too_long_ns)
-    )
-    a = case.answers
-    first, last = (
-        (int(a["t_first"][rows[0]]), int(a["t_last"][rows[-1]]))
-        if len(rows)
-        else (case.first_ns, case.last_ns)
-    )
+    first, last = _late_within(case, servo, worst.too_long_ns)
     come = "end" if worst.ends else "come"
     middle = f", the middle one after {worst.usual_ns / 1e6:.2f} ms at least"
     usual = middle if worst.usual_ns > worst.peers_ns else ""  # else stamps hide how late it is
@@ -216,6 +223,10 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         by = f"; its delay register says {delay.ns / 1e6:.2f} ms"
         brief += f": its delay is {delay.ns / 1e6:.2f} ms"
         places = (*case.places(delay.told, "its return delay"), *places)
+    elif (parts := _grown(case, servo)) is not None:
+        code, brief = "slower-and-slower", f"servo {servo} answers more and more slowly"
+        told = ", ".join(f"{ns / 1e6:.2f}" for ns in parts)
+        by = f"; it takes longer and longer: {told} ms on average by fifths of the time"
     return Finding(
         code,
         servo,
@@ -234,6 +245,34 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     )
 
 
+def _grown(case: Case, servo: int) -> list[float] | None:
+    """Return what a servo takes to answer by parts of the time, where it alone takes ever longer."""
+    its, others = _by_parts(case, {servo}), _by_parts(case, {*case.answering} - {servo})
+    if its is None or others is None or not grows(its, RISE, SLOW_NS):
+        return None
+    grown_ns = float(its[-1] - its[0])
+    is_sure = grown_ns >= max(SLOW_NS, case.latency_ns)
+    return its.tolist() if is_sure and not grows(others, RISE, SLOW_NS) else None
+
+
+def _by_parts(case: Case, servos: set[int]) -> F64 | None:
+    """Return how long answers of servos take on average, part by part; None: some have too few."""
+    a = case.answers
+    mine = np.flatnonzero(np.isin(a["servo_id"], [*servos]))
+    part = part_of(a["t_first"][mine], case.first_ns, case.last_ns, PARTS)
+    n, took = (np.bincount(part, a[name][mine], PARTS) for name in ("took_n", "took_sum"))
+    return took / n if n.min() >= LEAST else None
+
+
+def _late_within(case: Case, servo: int, too_long_ns: int) -> tuple[int, int]:
+    """Return from when to when answers of a servo come surely later than a time."""
+    a = case.answers
+    rows = np.flatnonzero((a["servo_id"] == servo) & (a["took_max"] > too_long_ns))
+    if not len(rows):
+        return case.first_ns, case.last_ns
+    return int(a["t_first"][rows[0]]), int(a["t_last"][rows[-1]])
+
+
 def beyond_delay(case: Case) -> Iterator[Finding]:
     """Servos slower than their own delay register, where that is in microseconds."""
     if not case.has_clock:
@@ -248,12 +287,12 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
         usual = None if key is None else took.at(key, 0.5)
         if key is None or usual is None or took.count(key) < LEAST:
             continue
-        if usual.low > delay.ns + BEYOND_NS:
+        too_long_ns = delay.ns + BEYOND_NS
+        if usual.low > too_long_ns:
             yield Finding(
                 "slower-than-its-delay",
                 servo,
-                case.first_ns,
-                case.last_ns,
+                *_late_within(case, servo, too_long_ns),
                 took.count(key),
                 f"servo {servo} takes at least {usual.low / 1e6:.2f} ms to answer in the middle; "
                 f"its delay register says {delay.ns / 1e6:.2f} ms",
