@@ -18,7 +18,7 @@ def test_one_packet_that_answers_for_all_gives_each_servo_its_values() -> None:
     answer = joint([(who, 0, x) for who, x in data])
     assert answer[5:7] == b"\x19\x00"  # as the manual's example of three servos has it: 25
     batch = heard("dynamixel2", ask, answer)
-    assert outcomes(batch) == ["ok"]
+    assert outcomes(batch) == ["ok", "ok", "ok"]  # of each servo that was asked
     assert values("dynamixel2", batch) == [
         (3, "present_position", 14.59),
         (7, "present_position", 182.725),

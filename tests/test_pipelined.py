@@ -40,7 +40,7 @@ def exchanges(name: str, *data: bytes) -> list[tuple[int | None, int | None, str
         number[at] = i  # type: ignore[assignment]
         at += len(part)
     found = records(decoded(name, *data)).transactions
-    return [(number[q], number[r], OUTCOMES[how]) for q, r, how, _ in found]
+    return [(number[q], number[r], OUTCOMES[how]) for q, r, how, *_ in found]
 
 
 def codes(name: str, *data: bytes) -> list[str]:
@@ -189,7 +189,7 @@ def test_a_request_is_closed_by_sixteen_others_by_its_reach_and_by_a_silence() -
     assert exchanges("mightyzap", POSITION, *far, TWO)[0] == (0, None, "no_response")
     silent = [Chunk(POSITION, 0, Clock.FILE), Chunk(TWO, 300 * NS, Clock.FILE)]
     told = records(batches(Decoder("mightyzap"), [silent])).transactions
-    assert [OUTCOMES[how] for _, _, how, _ in told] == ["no_response", "unsolicited"]
+    assert [OUTCOMES[how] for _, _, how, *_ in told] == ["no_response", "unsolicited"]
 
 
 def test_an_answer_that_describes_itself_is_read_also_where_nothing_asked_for_it() -> None:
@@ -236,7 +236,7 @@ def test_an_answer_torn_in_a_chain_without_end_is_damaged_wherever_the_chain_is_
     told = records(parts)
     assert any(b.before is not None for b in parts)  # it was cut
     assert told == records(batches(Decoder("lss"), [[Chunk(s)]]))
-    damaged = [q for q, _, how, _ in told.transactions if OUTCOMES[how] == "damaged"]
+    damaged = [q for q, _, how, *_ in told.transactions if OUTCOMES[how] == "damaged"]
     assert len(damaged) == len(torn)
 
 

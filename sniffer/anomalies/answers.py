@@ -58,7 +58,7 @@ class _Wrong(NamedTuple):
     """Transactions that went wrong, in columns; places are absolute."""
 
     at: I64  # their rows
-    request: I64
+    request: I64  # the row that it stands in, of this batch
     response: I64
     outcome: U8
     op: I64
@@ -139,7 +139,8 @@ class PairingRules(Remembering):
     def _missed(self, batch: Batch, before: Sequence[Open], rows: _Wrong, mine: I64) -> Missed:
         """Put the requests of a batch that nobody answered behind those of before."""
         f, row = batch.frames, rows.request[mine]
-        who = np.where(f.alt_id[row] == ANY_ID, -1, rows.servo_id[mine])
+        asked = batch.asked(batch.transactions.request[rows.at[mine]])
+        who = np.where(asked.alt_id == ANY_ID, -1, rows.servo_id[mine])
         end, servo_id, token = self._places(before)
 
         def make(k: int) -> Open:
@@ -147,13 +148,13 @@ class PairingRules(Remembering):
             start = int(f.start[q])
             raw = batch.data[start : start + int(f.length[q])]
             op = self._op(int(rows.op[i]))
-            return Open(int(who[k]), int(f.token[q]), int(f.t_end[q]), op, rows.span(i), raw)
+            return Open(int(who[k]), int(asked.token[k]), int(f.t_end[q]), op, rows.span(i), raw)
 
         return Missed(
             before,
             np.concatenate([end, (rows.asked + rows.asked_length)[mine]]),
             np.concatenate([servo_id, who]),
-            np.concatenate([token, f.token[row]]),
+            np.concatenate([token, asked.token]),
             row,
             make,
         )
@@ -244,9 +245,10 @@ class PairingRules(Remembering):
         q, r = t.request[rows], t.response[rows]
         asked = batch.asked(np.where(q == -1, r, q))
         start = f.start + batch.base
+        own = batch.rows_of(q)
         return _Wrong(
             rows,
-            q,
+            own,
             r,
             t.outcome[rows],
             asked.op,
@@ -255,7 +257,7 @@ class PairingRules(Remembering):
             asked.length,
             start[r],
             f.length[r],
-            f.t_end[np.where(r >= 0, r, q)],
+            f.t_end[np.where(r >= 0, r, own)],
         )
 
     def _op(self, op: int) -> str:
@@ -267,7 +269,7 @@ class PairingRules(Remembering):
     def _too_late(self, batch: Batch, rows: _Wrong, i: int, name: str, op: str) -> str:
         t, row = batch.transactions, int(rows.at[i])
         took, spread = int(t.response_time_ns[row]) / 1e6, int(t.uncertainty_ns[row]) / 1e6
-        asked = batch.asked(rows.request[i : i + 1])
+        asked = batch.asked(t.request[row : row + 1])
         window = int(self._protocol.window_ns(asked)[0]) / 1e6
         return (
             f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "

@@ -200,7 +200,7 @@ def _may_be(length: Any, size: Any) -> Any:
 
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
     t, f = batch.transactions, batch.frames
-    q, r = int(t.request[row]), int(t.response[row])
+    q, r = int(batch.rows_of(t.request[row : row + 1])[0]), int(t.response[row])
     # Bare answers stand right behind their requests: of one in an earlier batch no byte is missed.
     asked = batch.data[int(f.start[q]) : int(f.start[q]) + int(f.length[q])] if q >= 0 else b""
     start = batch.base + int(f.start[r])

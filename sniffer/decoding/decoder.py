@@ -314,7 +314,7 @@ class Decoder(Remembering):
         if open_from is not None:
             rows = self._pairing.open_rows(frames, partner, open_from, block)
             known = self.protocol, frames, rows, open_from, max(self.heard_ns, self._now_ns)
-            left = LeftOpen(*known).cut(paired.transactions, self._base, len(block.data))
+            left = LeftOpen(*known).cut(paired.by_own_rows, self._base, len(block.data))
         batch = Batch(
             base,
             bytes(self._buffer[:cut]),

@@ -46,7 +46,8 @@ class Expectations(Remembering):
         writes: Sequence[FeedbackWrite] = (),
     ) -> Transactions:
         """Settle the outcome of requests nobody answered."""
-        frames, transactions, torn = paired.frames, paired.transactions, paired.torn
+        frames, request = paired.asking()
+        transactions, torn = replace(paired.transactions, request=request), paired.torn
         outcome = transactions.outcome.copy()
         order = paired.place
         edges = [0, *(int(np.searchsorted(order, w.row, "right")) for w in writes), len(order)]
@@ -60,7 +61,7 @@ class Expectations(Remembering):
                     self._mode[where] = write.mode
             if b > a:
                 self._judge(frames, transactions, torn, outcome, slice(a, b))
-        return replace(transactions, outcome=outcome)
+        return replace(paired.transactions, outcome=outcome)
 
     def _judge(
         self,

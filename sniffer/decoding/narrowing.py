@@ -29,7 +29,7 @@ def meant(batch: Batch, shown: Callable[[str], Mask] | None = None) -> Mask:
         return np.ones(len(batch.frames), bool)
     frames = shown("frames").copy()
     of = batch.transactions.take(shown("transactions"))
-    for rows in (of.request, of.response):
+    for rows in (batch.rows_of(of.request), of.response):
         frames[rows[rows >= 0]] = True
     frames[batch.values.row[shown("samples")]] = True
     return frames

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.echo import Echoes
+from sniffer.decoding.listing import Beside, questions_of
 from sniffer.decoding.matching import match, match_in_order, outcomes
 from sniffer.decoding.staging import StagedIds
-from sniffer.decoding.torn import TornAnswers
+from sniffer.decoding.torn import TornAnswers, room_behind
+from sniffer.ground.asked import own_rows
 from sniffer.ground.codes import (
     MANY,
     NEVER,
@@ -59,7 +61,22 @@ class Paired:
     accepted: Mask
     """For each frame whether they became true: false for a request that was refused."""
     before: Frames
-    """Requests of earlier blocks that are answered here: ``-2 - row`` in the transactions."""
+    """Requests that are no row of these frames: ``-2 - row`` in the transactions. First those of
+    earlier blocks that are answered here, then what lists ask of each servo."""
+
+    def asking(self) -> tuple[Frames, I64]:
+        """Return all requests, and the row of each transaction's in them; -1: nobody asked."""
+        n, request = len(self.frames), self.transactions.request
+        if not len(self.before):
+            return self.frames, request
+        both = Frames.concat([self.frames, self.before])
+        return both, np.where(request < -1, n - 2 - request, request)
+
+    @property
+    def by_own_rows(self) -> Transactions:
+        """The transactions with the row that each request stands in, -1 where that is none here."""
+        request = own_rows(self.frames.start, self.before.start, self.transactions.request)
+        return replace(self.transactions, request=request)
 
     def told(self, transactions: Transactions) -> Transactions:
         """Return the transactions without those whose answer a later block holds."""
@@ -200,12 +217,17 @@ class Pairing(Remembering):
         now = asked < n
         answer, asked, how = answer[now], asked[now], how[now]
         inside = answer < n
-        before, late, late_how = self._due(frames, base)
-        self._owe(frames, whole, answer[~inside], asked[~inside], how[~inside], base)
+        due, late, late_how = self._due(frames, base)
+        questions = questions_of(protocol, block, frames, whole, partner)
+        later = ~inside
+        if questions is not None:
+            self._owe(*questions.later(n), whole, base)
+            later &= ~np.isin(answer, questions.answer)
+        self._owe(frames.take(asked[later]), answer[later], how[later], whole, base)
         if not n:
             none = np.empty(0, np.int64)
             nothing = np.empty(0, bool)
-            return Paired(frames, Transactions.empty(), none, nothing, nothing, nothing, before)
+            return Paired(frames, Transactions.empty(), none, nothing, nothing, nothing, due)
         is_response = frames.kind == RESPONSE
         refused = np.zeros(n, bool)
         status = whole.status[answer]
@@ -241,8 +263,6 @@ class Pairing(Remembering):
             sent = asked + np.append(echo, False)[asked + 1]
         took[at], spread[at] = _took(frames, answer, frames, sent)
         fits = how == OK
-        request[late], outcome[late] = -2 - np.arange(len(late)), late_how
-        took[late], spread[late] = _took(frames, late, before, np.arange(len(late)))
 
         readable = ~is_response & ~echo
         readable[answer[fits]] = readable[late[late_how == OK]] = True
@@ -253,10 +273,19 @@ class Pairing(Remembering):
             readable[odd] = protocol.states_itself(frames.take(odd))
         readable &= frames.data_length > 0
         frames = _told_by(frames, answer, frames, asked, own)
-        frames = _told_by(frames, late, before, np.arange(len(late)), own)
+        frames = _told_by(frames, late, due, np.arange(len(late)), own)
+        beside = _of_due(frames, due, late, late_how)
+        if questions is not None:
+            keep[questions.row] = False
+            room = room_behind(whole, block, decided)
+            beside = beside.and_those(questions.until(n).told(torn, room, took, spread))
+        keep[beside.place] = False
         place = np.flatnonzero(keep)
         transactions = Transactions(request, response, outcome, took, spread).take(place)
-        return Paired(frames, transactions, place, torn[place], readable, ~refused, before)
+        torn = torn[place]
+        if len(beside.place):
+            transactions, place, torn = beside.among(transactions, place, torn)
+        return Paired(frames, transactions, place, torn, readable, ~refused, beside.asks)
 
     def _due(self, frames: Frames, base: int) -> tuple[Frames, I64, U8]:
         """Return requests of earlier blocks, the rows that answer them, and the outcomes."""
@@ -270,14 +299,11 @@ class Pairing(Remembering):
         start, data_start = before.start - base, before.data_start - base
         return replace(before, start=start, data_start=data_start), row, how.astype(np.uint8)
 
-    def _owe(
-        self, frames: Frames, whole: Frames, answer: I64, asked: I64, how: I64, base: int
-    ) -> None:
+    def _owe(self, asks: Frames, answer: I64, how: I64, whole: Frames, base: int) -> None:
         if not len(answer):
             return
-        f = frames.take(asked)
-        f = replace(f, start=f.start + base, data_start=f.data_start + base)
-        self._owing = Frames.concat([self._owing, f])
+        asks = replace(asks, start=asks.start + base, data_start=asks.data_start + base)
+        self._owing = Frames.concat([self._owing, asks])
         self._owed = np.concatenate([self._owed, whole.start[answer] + base])
         self._how = np.concatenate([self._how, how])
 
@@ -301,6 +327,12 @@ def _clear(frames: Frames, partner: I64, row: int) -> int:
     np.add.at(edges, asked + 1, 1)
     np.add.at(edges, answer + 1, -1)
     return int(np.flatnonzero(np.cumsum(edges[: row + 1]) == 0)[-1])
+
+
+def _of_due(frames: Frames, due: Frames, late: I64, how: U8) -> Beside:
+    """Return the transactions of requests of earlier blocks, which the rows ``late`` answer."""
+    took, spread = _took(frames, late, due, np.arange(len(late)))
+    return Beside(due, late, how, took, spread, late, np.zeros(len(late), bool))
 
 
 def _took(answers: Frames, answer: I64, requests: Frames, asked: I64) -> tuple[I64, I64]:

@@ -226,16 +226,11 @@ def _transactions(
     f, t = batch.frames, batch.transactions
     if batch.chosen is not None:
         t = t.take(batch.chosen("transactions"))
-    before = batch.asked(t.request[t.request < -1])  # told in earlier batches
+    before = batch.asked(t.request[t.request < -1])  # no row of this batch
     earlier = iter(range(len(before)))
-    for q, r, outcome, took, spread in zip(
-        *(
-            c.tolist()
-            for c in (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
-        ),
-        strict=True,
-    ):
-        told = r if r >= 0 else q
+    told_at = np.where(t.response >= 0, t.response, batch.rows_of(t.request))
+    columns = (told_at, t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
+    for told, q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
         request, row = (before, next(earlier)) if q < -1 else (f, q)
         asked = int(request.servo_id[row]) if q != -1 else -1
         servo = asked if asked >= 0 else int(f.servo_id[told])

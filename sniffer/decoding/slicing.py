@@ -199,7 +199,7 @@ def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64, I64], Mask]) 
     low, high = np.searchsorted(f.start, (begin, end)).tolist()
     frames = f.take(slice(low, high))
     frames = replace(frames, start=frames.start - begin, data_start=frames.data_start - begin)
-    last = np.maximum(t.request, t.response)
+    last = np.maximum(batch.rows_of(t.request), t.response)
     t = t.take((last >= low) & (last < high))
     asked, earlier = t.request, None
     # requests that are left out, and those of earlier batches, stand before this one

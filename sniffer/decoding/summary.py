@@ -117,9 +117,9 @@ class BusTotals:
 
     def _count_times(self, batch: Batch) -> None:
         f, t = batch.frames, batch.transactions
-        asked = t.request >= 0
+        asked = batch.rows_of(t.request) >= 0
         missing = asked & (t.outcome != OK) & (OUTCOMES.index("not_expected") != t.outcome)
-        self.bad_by_servo.update(f.servo_id[t.request[missing]].tolist())
+        self.bad_by_servo.update(batch.asked(t.request[missing]).servo_id.tolist())
         known = (t.outcome == OK) & (t.response_time_ns >= 0)
         if not known.any():
             return

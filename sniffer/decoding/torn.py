@@ -42,7 +42,7 @@ class TornAnswers(Remembering):
         *,
         across: bool,
     ) -> Mask:
-        """Tell for each of the ``kept`` rows whether torn bytes stand where its answer should.
+        """Tell for each row whether torn bytes stand where its answer should, or behind it.
 
         Args:
             frames: all rows of the block.
@@ -73,14 +73,14 @@ class TornAnswers(Remembering):
         torn = _unclaimed_behind(frames, block, decided, self._protocol.blank)
         cut = across or self._behind is not None
         if not cut and not torn.any():
-            return torn[:kept]
+            return torn
         sends = frames.kind == REQUEST
         together = sends[1:] & sends[:-1] & ~torn[:-1]
         if together.any() and len(block.barriers):
             segment = block.segment(frames.start)
             together &= segment[1:] == segment[:-1]
         if not cut and not together.any():
-            return torn[:kept]
+            return torn
         first = sends.copy()
         first[1:] &= ~together
         turn = np.cumsum(first) * sends
@@ -93,7 +93,7 @@ class TornAnswers(Remembering):
         self._behind = None
         if kept < len(frames) and together[kept - 1] and latest[kept - 1] >= 0:
             self._behind = base + int(frames.start[latest[kept - 1]])
-        return torn[:kept]
+        return torn
 
     def _latest(self, frames: Frames, turn: I64, answered: I64, base: int) -> I64:
         """Return what answers the last answered request of each row's turn up to it, or -1."""
@@ -107,8 +107,15 @@ class TornAnswers(Remembering):
         return latest
 
 
-def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) -> Mask:
-    """Tell behind which rows unclaimed bytes stand."""
+def room_behind(frames: Frames, block: Block, decided: int) -> I64:
+    """Return how many unclaimed bytes stand behind each row; behind an echoed one, its echo."""
+    room = _room(frames, block, decided)
+    echo = np.flatnonzero(frames.flags & ECHO)
+    room[echo - 1] += room[echo]
+    return room
+
+
+def _room(frames: Frames, block: Block, decided: int) -> I64:
     end = frames.end
     following = np.append(frames.start[1:], decided)
     if len(block.barriers):
@@ -116,13 +123,20 @@ def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) 
     if block.foreign is not None:
         row = np.searchsorted(block.foreign, end)
         following = np.minimum(following, np.append(block.foreign, block.n)[row])
-    torn: Mask = following > end
+    room: I64 = following - end
+    return room
+
+
+def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) -> Mask:
+    """Tell behind which rows unclaimed bytes stand."""
+    room, end = _room(frames, block, decided), frames.end
+    torn: Mask = room > 0
     if not torn.any():
         return torn
     if blank:
         data = block.data.tobytes()
         for i in np.flatnonzero(torn).tolist():
-            if not data[int(end[i]) : int(following[i])].strip(blank):
+            if not data[int(end[i]) : int(end[i] + room[i])].strip(blank):
                 torn[i] = False
     echo = np.flatnonzero(frames.flags & ECHO)
     torn[echo - 1] |= torn[echo]

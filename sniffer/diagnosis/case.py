@@ -247,7 +247,8 @@ class Case:
     @functools.cached_property
     def servos(self) -> tuple[int, ...]:
         """Single servos that were asked, told something or heard, in order."""
-        met = np.unique([*self.traffic["servo_id"], *self._values["servo_id"]])
+        told = (self.traffic, self._values, self.answers)  # whom a list names is only asked
+        met = np.unique(np.concatenate([table["servo_id"] for table in told]))
         nobody = (*self.everyone, *leading_ids(self.protocol))
         return tuple(i for i in met.tolist() if i >= 0 and i not in nobody)
 

@@ -62,8 +62,9 @@ def _pairs(heard: Listened, protocol: str) -> _Pairs:
     told = (decoder.feed(*heard.chunks), decoder.close())
     for batch in (batch for each in told for _, batch in parts_of(decoder, each)):
         f, t = batch.frames, batch.transactions
-        rows = np.flatnonzero((t.outcome == OK) & (t.request >= 0) & (t.response >= 0))
-        asked = batch.base + f.end[t.request[rows]] - 1
+        request = batch.rows_of(t.request)
+        rows = np.flatnonzero((t.outcome == OK) & (request >= 0) & (t.response >= 0))
+        asked = batch.base + f.end[request[rows]] - 1
         answered = batch.base + f.start[t.response[rows]]
         same = np.searchsorted(ends, asked, "right") == np.searchsorted(ends, answered, "right")
         count += len(rows)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
+from sniffer.ground.asked import own_rows
 from sniffer.ground.columnar import Columns, column_names
 
 if TYPE_CHECKING:
@@ -78,10 +79,9 @@ class MarkKind(enum.IntEnum):
 class Mark(NamedTuple):
     """One remark about a chunk.
 
-    ``start`` counts from the chunk's first byte and is negative where bytes before the chunk are
-    meant; ``length`` 0 stands for a place between two bytes. The bytes are a region of doubt: many
-    adapters tell that there was an error in a packet, not in which byte. ``count`` is how many
-    errors a driver's counter told, or as the kind says.
+    ``start`` counts from the chunk's first byte, negative where bytes before it are meant;
+    ``length`` 0 stands for a place between two. They are a region of doubt: many adapters tell that
+    there was an error in a packet, not where. ``count``: what a driver's counter told, or by kind.
     """
 
     kind: MarkKind
@@ -161,8 +161,7 @@ class Frames(Columns):
     """Frames that hold, in wire order.
 
     ``token`` is what pairing compares: a request says which token its reply carries, a response
-    its own (-1: fits any; ON_ITS_OWN: none). ``address`` and ``status`` are -1 where there is none,
-    ``servo_id`` -1 where the frame names none.
+    its own (-1: fits any; ON_ITS_OWN: none). ``address``, ``status``, ``servo_id``: -1 is none.
     """
 
     start: I64
@@ -220,7 +219,7 @@ def _unstated(name: str, n: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
 class Transactions(Columns):
     """A request with its response: row numbers in the batch's frames, -1 for none.
 
-    A request of ``-2 - k`` is row k of ``Batch.before``: it stands in an earlier batch.
+    A request of ``-2 - k`` is row k of ``Batch.before``: no row of the batch's own.
     ``response_time_ns`` is -1 where it is not known.
     """
 
@@ -333,7 +332,7 @@ class Batch:
     cut: Cut | None = None
     """Set where the capture ends with this batch and nobody knows of a silence behind it."""
     before: Frames | None = None
-    """Requests of earlier batches that are answered in this one; their starts are negative."""
+    """Requests that are no row here: of earlier batches, or what a list asks of each servo."""
     slower_ns: int = 0
     """By how much a byte may have taken longer than it is laid out for: nobody stated the rate."""
     models: Mapping[int, tuple[str, int]] = field(default_factory=dict)
@@ -362,8 +361,7 @@ class Batch:
 
     def asked(self, request: I64) -> Frames:
         """Return the requests that ``Transactions.request`` names (not -1), also earlier ones."""
-        frames, rows = self.asking(request)
-        return frames.take(rows)
+        return Frames.take(*self.asking(request))
 
     def asking(self, request: I64) -> tuple[Frames, I64]:
         """Return the same as frames and rows of theirs: for those who need few columns."""
@@ -372,6 +370,11 @@ class Batch:
             return self.frames, request
         both = Frames.concat([self.frames, self.before])
         return both, np.where(earlier, len(self.frames) - 2 - request, request)
+
+    def rows_of(self, request: I64) -> I64:
+        """Return which of its rows says each request; -1: none of them."""
+        before = request[:0] if self.before is None else self.before.start
+        return own_rows(self.frames.start, before, request)
 
 
 class SnifferError(Exception):

@@ -205,8 +205,9 @@ class CaptureIndex:
         t = batch.transactions
         if not len(t):
             return
-        asked = np.where(t.request >= 0, rows[np.maximum(t.request, 0)] if len(rows) else -1, -1)
-        earlier = t.request < -1
+        own = batch.rows_of(t.request)
+        asked = np.where(own >= 0, rows[np.maximum(own, 0)] if len(rows) else -1, -1)
+        earlier = (t.request < -1) & (own < 0)
         if earlier.any():
             told = batch.asked(t.request[earlier])
             asked[earlier] = self.line_at(bus, told.start + batch.base)

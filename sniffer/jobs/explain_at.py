@@ -167,7 +167,7 @@ class _AtByte:
         rows = np.flatnonzero((f.start <= at) & (at < f.end)).tolist()
         if rows:
             asked = batch.transactions.request[batch.transactions.response == rows[0]]
-            before = [row for row in asked.tolist() if row >= 0]
+            before = [row for row in np.unique(batch.rows_of(asked)).tolist() if row >= 0]
             pieces = [draw_frame(batch, protocol, i) for i in (*before, rows[0])]
             self._find(bus, pieces, batch.base + int(f.start[rows[0]]), int(f.length[rows[0]]))
             return

@@ -306,7 +306,7 @@ class BusWriter:
             return
         asked, answered = t.request != -1, t.response >= 0
         request = batch.asked(np.where(asked, t.request, t.response))
-        last = np.maximum(t.request, t.response)
+        last = np.maximum(batch.rows_of(t.request), t.response)
         start = batch.base + frames.start
         self._queue.add(
             "transactions",

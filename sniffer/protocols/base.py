@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I16, I64, U8, Frames, Gap, Mask, Spans
     from sniffer.ground.registers import Register, RegisterMap
+    from sniffer.protocols.listing import ListedServo
 
 
 class Turn(NamedTuple):
@@ -161,6 +162,8 @@ class SlowFrame:
     """(servo_id, register, raw, part) of each value, in order."""
     asked: SlowFrame | None = None
     """Of a response the last request before it, where what it says depends on that."""
+    targets: tuple[ListedServo, ...] = ()
+    """Of a request whom it lists, in the order in which they are to answer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,7 +98,7 @@ class Rows:
     def last(self) -> I64:
         """The row of each transaction's last frame in the batch."""
         t = self.batch.transactions
-        return np.maximum(t.request, t.response)
+        return np.maximum(self.batch.rows_of(t.request), t.response)
 
     @property
     def found(self) -> Anomalies:

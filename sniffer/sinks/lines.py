@@ -209,7 +209,7 @@ def _transactions(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
         return OF_TRANSACTIONS, np.empty(0, np.int64), []
     is_asked, is_answered = t.request != -1, t.response >= 0
     frames, rows = batch.asking(np.where(is_asked, t.request, t.response))
-    told = np.where(is_answered, t.response, t.request)
+    told = np.where(is_answered, t.response, batch.rows_of(t.request))
     who = frames.servo_id[rows]
     who = np.where(who >= 0, who, f.servo_id[told])
     asked = np.where(is_asked, frames.start[rows] + base, -1)

@@ -86,7 +86,7 @@ def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     is_asked, is_answered = t.request != -1, t.response >= 0
     frames, rows = batch.asking(np.where(is_asked, t.request, t.response))
     who = frames.servo_id[rows]
-    last = np.where(is_answered, t.response, np.maximum(t.request, 0))
+    last = np.where(is_answered, t.response, np.maximum(batch.rows_of(t.request), 0))
     who = np.where(who >= 0, who, f.servo_id[last]).astype(np.int16)
     ops, which, _ = distinct(frames.op[rows])
     unknown = t.response_time_ns < 0

@@ -17,7 +17,13 @@ def verdicts_of(batch: Batch) -> list[tuple[str, str]]:
     out = [("", "")] * len(batch.frames)
     t = batch.transactions
     late = {a.evidence[0][0] for a in batch.anomalies if a.code == "late-response"}
-    columns = (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
+    columns = (
+        batch.rows_of(t.request),
+        t.response,
+        t.outcome,
+        t.response_time_ns,
+        t.uncertainty_ns,
+    )
     for q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
         if outcome == OK:
             slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late

@@ -26,6 +26,7 @@ from sniffer.ground.patterns import later
 from sniffer.ground.wording import counted
 from sniffer.sources.logbytes import MOSTLY, SOME_BYTES, stated
 from sniffer.sources.logfields import LogFields, fields_of
+from sniffer.sources.logfronts import prefix_of
 from sniffer.sources.loglines import Dumps, SaidLine, are_pointed, said
 from sniffer.sources.logstamps import LogClock, places
 from sniffer.sources.plain import BadLineError, share_of_hex
@@ -122,6 +123,8 @@ def _kind(line: bytes, taken: Callable[[bytes], SaidLine | None], dumps: Dumps) 
         return _LineKind.BYTES
     if any(way is not Direction.UNKNOWN for way, _ in parts):
         return _LineKind.QUIET
+    if known := prefix_of(line):  # of a whole system: most lines are of others
+        return _LineKind.ODD if SOME_BYTES.search(line, known[2]) else _LineKind.WORDS
     rest = _TIMES.sub(b"", line)
     if SOME_BYTES.search(rest) or share_of_hex(rest) > MOSTLY:
         return _LineKind.ODD

@@ -3,7 +3,7 @@ r"""Logs whose fields have names: tables with a head, and objects in JSON, one a
     time,dir,data                                   time;direction;length;hex
     0.004000,RX,00 A4                               22:55:06.001;TX;4;ffa00020
     {"t": 1732694400.123456, "dir": "TX", "data": "ffa00020"}
-    {"time_ms": 12, "direction": "rx", "bytes": [0, 164]}
+    {"time_ms": 12, "direction": "rx", "bytes": [0, 164]}   {"time_ms": 12, "rx": [0, 164]}
 
 Their names tell which is the time (and of which unit), which the direction and which the bytes;
 others are left alone. A table without directions is one of a decoder's, whose times mean anything.
@@ -31,6 +31,9 @@ _TIME: Final = later(
 )
 _LONG: Final = {"seco": "s", "mill": "ms", "micr": "us", "nano": "ns"}
 _WAYS: Final = frozenset({"dir", "direction", "way", "rxtx", "rx/tx", "tx/rx"})
+_SIDES: Final = frozenset({"tx", "rx", "sent", "received", "send", "recv", "write", "read"})
+"""Fields with the bytes of a direction; ``in`` and ``out`` may be of anything."""
+
 _DATA: Final = ("data", "hex", "payload", "frame", "packet", "raw", "message", "msg", "bytes")
 _OF_HEX: Final = later(r"[ _]?[(\[]?hex[)\]]?$|^hex[ _]")
 _SEPARATORS: Final = (b",", b";", b"\t", b"|")
@@ -141,9 +144,24 @@ class _Objects(LogFields):
             raise BadLineError(0, "this is no whole object in JSON")
         roles = _roles([*record])
         if not (roles.data and (roles.way or roles.time)):
-            return None
+            return _by_way(record, roles)
         wanted = (roles.time, roles.way, roles.data)
         return _said({name: _text_of(record[name]) for name in wanted if name}, roles)
+
+
+def _by_way(record: Mapping[str, Any], roles: _Roles) -> SaidLine | None:
+    """Return what an object says whose fields are called as directions; None: it has none such.
+
+    Numbers alone are none: an input may be anything.
+    """
+    told = {name: value for name, value in record.items() if name.strip().lower() in _SIDES}
+    parts = [
+        (way_of(n.encode()), _text_of(v)) for n, v in told.items() if isinstance(v, list | str)
+    ]
+    if not parts:
+        return None
+    fields = {roles.time: _text_of(record[roles.time])} if roles.time else {}
+    return SaidLine(_time(fields, roles), parts)
 
 
 def _object_in(line: bytes) -> dict[str, Any]:
@@ -170,13 +188,25 @@ def _said(fields: Mapping[str, bytes], roles: _Roles) -> SaidLine:
     Raises:
         BadLineError: its time or its direction is none.
     """
-    way, stamp = Direction.UNKNOWN, None
+    way = Direction.UNKNOWN
     if roles.way and (way := way_of(fields[roles.way])) is Direction.UNKNOWN:
         raise BadLineError(0, f"{quoted(fields[roles.way])} is no direction: write TX or RX")
-    if roles.time and (stamp := _stamp(fields[roles.time], roles.unit)) is None:
+    return SaidLine(_time(fields, roles), [(way, fields[roles.data])])
+
+
+def _time(fields: Mapping[str, bytes], roles: _Roles) -> re.Match[bytes] | None:
+    """Return the time that a line has, None where it has none.
+
+    Raises:
+        BadLineError: it is none.
+    """
+    if not roles.time:
+        return None
+    stamp = _stamp(fields[roles.time], roles.unit)
+    if stamp is None:
         why = "is no time: write seconds with a fraction, a date, or the unit in the field's name"
         raise BadLineError(0, f"{quoted(fields[roles.time])} {why} (`time_ms`)")
-    return SaidLine(stamp, [(way, fields[roles.data])])
+    return stamp
 
 
 def _stamp(text: bytes, unit: bytes) -> re.Match[bytes] | None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.ground.model import Direction
 from sniffer.ground.patterns import later
 from sniffer.sources.logbytes import PLACE
+from sniffer.sources.logfronts import in_numbers, unquoted
 from sniffer.sources.logheads import log_head
 from sniffer.sources.logstamps import STAMP, is_no_byte, is_sure
 
@@ -168,7 +169,7 @@ def said(
     if head := log_head(line, functools.partial(_begins, dumps)):
         stamp, text = STAMP.match(head.time), line[head.size :]
     else:
-        line = _unmarked(line)
+        line = unquoted(in_numbers(_unmarked(line)))
         stamp = STAMP.match(line)
         text = line[stamp.end() :] if stamp else line
     text = text.lstrip(b" \t")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import is_time
 from sniffer.ground.patterns import later
 from sniffer.sources.text import DamagedLine, quoted
-from sniffer.sources.walltime import DATELESS, ZONELESS, DayClock, WallClock, zone_ns
+from sniffer.sources.walltime import DATELESS, YEARLESS, ZONELESS, DayClock, WallClock, zone_ns
 
 if TYPE_CHECKING:
     import re
@@ -27,7 +27,8 @@ _UNITS: Final = {b"s": 0, b"ms": 3, b"us": 6, b"\xc2\xb5s": 6, b"\xce\xbcs": 6, 
 
 _UNIT: Final = rb"(?:[mun]?s|\xc2\xb5s|\xce\xbcs)"
 STAMP: Final = later(
-    rb"[ \t]{0,8}[\[(@]?[ \t]{0,8}(?:(?:(?P<day>\d{4}[-/]\d\d[-/]\d\d|\d\d\.\d\d\.\d{4})[ T])?"
+    rb"[ \t]{0,8}[\[(@]?[ \t]{0,8}"
+    rb"(?:(?:(?P<day>\d{4}[-/]\d\d[-/]\d\d|--\d\d-\d\d|\d\d\.\d\d\.\d{4})[ T])?"
     rb"(?P<time>\d\d:\d\d:\d\d)(?:[.,](?P<part>\d{1,9}))?(?P<zone>Z|[+-]\d\d:?\d\d)?"
     rb"|\+?(?=\d{1,10}\.\d{3,9}(?![\d.])|\d+(?:\.\d+)?[ \t]?" + _UNIT + rb"\b)"
     rb"(?P<whole>\d{1,19})(?:\.(?P<fraction>\d{1,9}))?(?:[ \t]?(?P<unit>" + _UNIT + rb")\b)?)"
@@ -55,17 +56,18 @@ def places(stamp: re.Match[bytes]) -> int:
 class LogClock:
     """Which moments the times of a log are, line after line.
 
-    ``zoneless`` and ``dateless`` tell what some of them lacked.
+    ``zoneless``, ``yearless`` and ``dateless`` tell what some of them lacked.
     """
 
     def __init__(self) -> None:
         self._wall, self._day = WallClock(), DayClock()
-        self.zoneless = self.dateless = False
+        self.zoneless = self.yearless = self.dateless = False
 
     @property
     def remark(self) -> str:
         """What is to be said of its times, nothing where they are whole."""
-        return ZONELESS if self.zoneless else DATELESS if self.dateless else ""
+        lacked = ((self.zoneless, ZONELESS), (self.yearless, YEARLESS), (self.dateless, DATELESS))
+        return next((remark for lacks, remark in lacked if lacks), "")
 
     def ns(self, stamp: re.Match[bytes], number: int) -> int:
         """Return the moment in ns, of the line that has this number.
@@ -76,14 +78,15 @@ class LogClock:
         if stamp["time"] is None:
             more = _NANO - _UNITS[stamp["unit"] or b"s"]
             t_ns = int(stamp["whole"] + (stamp["fraction"] or b"")[:more].ljust(more, b"0"))
-        elif stamp["day"] is not None:
+        elif stamp["day"] is not None and not stamp["day"].startswith(b"--"):
             zone = (stamp["zone"] or b"").decode("ascii")
             self.zoneless |= not zone
             day = b"-".join(reversed(stamp["day"].split(b".")))  # 20.11.2026 has the day first
             t_ns = self._wall.ns(day, stamp["time"], stamp["part"] or b"", number)
             t_ns -= zone_ns(zone)
         else:
-            self.dateless = True
+            self.yearless |= stamp["day"] is not None
+            self.dateless |= stamp["day"] is None
             hour, minute, second = stamp["time"].split(b":")
             t_ns = self._day.ns(hour, minute, second, stamp["part"] or b"", number)
         if not is_time(t_ns):

@@ -86,6 +86,12 @@ _STAMPED: Final = (
     rb"[\[(P]?(?:\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d\d:\d\d:\d\d(?![:0-9])"
     rb"|\d+\.\d{3,9}(?= *[,;\])]? ))"
 )
+_KNOWN_TIME: Final = (
+    rb"[\[(]?(?:\d{4}[-/]\d\d[-/]\d\d[ T])?\d\d:\d\d:\d\d(?:[.,]\d{1,9})?(?:Z|[+-]\d\d:?\d\d)?"
+    rb"(?=[\s\])])"
+)
+"""As ``logstamps`` reads it: what is not taken of such a line stands behind it."""
+
 _WAY: Final = (
     rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)"
     rb"(?:[\]):]* |=)"
@@ -210,7 +216,12 @@ _LOGS: Final = tuple(
             "a log of bytes as Python shows them",
             _PRINTED,
         ),
-        (_STAMPED + _SOME, _TIMED, _LINES),
+        (
+            _KNOWN_TIME + rb"(?:" + _SOME + rb"|.*\b(?:[0-9A-Fa-f]{2}){4,}\b)",
+            "a log with other words between its times and its bytes",
+            _LINES,
+        ),
+        (rb"(?!" + _KNOWN_TIME + rb")" + _STAMPED + _SOME, _TIMED, _LINES),
         (_WAY + _SOME, _SPOKEN, _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),
         (

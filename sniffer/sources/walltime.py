@@ -17,6 +17,9 @@ ZONELESS: Final = "its times are of a clock whose zone is not said: they are tak
 DATELESS: Final = "its times have no date: they count from the midnight before it began"
 """The note about an input that has times of the day alone."""
 
+YEARLESS: Final = "its dates have no year: its times count from the midnight before it began"
+"""The note about an input whose dates are of a month and a day."""
+
 SUMMER_ENDS: Final = "its clock goes back an hour at a full hour, as summer time ends: times go on"
 """The note about an input whose clock does so."""
 

@@ -73,7 +73,7 @@ class Retries:
         """Keep the bytes of requests that are answered in a later batch."""
         f = batch.frames
         told = np.zeros(len(f), bool)
-        mine = batch.transactions.request
+        mine = batch.rows_of(batch.transactions.request)
         told[mine[mine >= 0]] = True
         for row in np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0) & ~told).tolist():
             start, length = int(f.start[row]), int(f.length[row])

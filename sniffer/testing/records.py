@@ -43,6 +43,7 @@ def records(parts: Iterable[Batch]) -> Result:
                     at(int(t.response[i])),
                     int(t.outcome[i]),
                     int(t.response_time_ns[i]),
+                    who_is_asked(b, int(t.request[i])),
                 )
             )
         for i in range(len(v)):
@@ -69,6 +70,11 @@ def asked_at(batch: Batch, request: int) -> int:
     if request == -1:
         return -1
     return batch.base + int(batch.asked(np.array([request])).start[0])
+
+
+def who_is_asked(batch: Batch, request: int) -> int:
+    """Return whom a transaction's request is to, -1 where there is none."""
+    return -1 if request == -1 else int(batch.asked(np.array([request])).servo_id[0])
 
 
 def gaps(parts: Iterable[Batch]) -> list[tuple[int, int, str, str]]:

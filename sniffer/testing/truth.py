@@ -93,7 +93,7 @@ def _split(
         if kind == RESPONSE and status > 0:
             out[c].errors.update(protocol.status_names(status))
     for asked, answer, outcome in zip(
-        t.request.tolist(), t.response.tolist(), t.outcome.tolist(), strict=True
+        batch.rows_of(t.request).tolist(), t.response.tolist(), t.outcome.tolist(), strict=True
     ):
         c = of[asked if asked >= 0 else answer]
         key = (own[asked] if asked >= 0 else -1, own[answer] if answer >= 0 else -1)

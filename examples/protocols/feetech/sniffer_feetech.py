@@ -111,7 +111,7 @@ FAMILY: Final = PacketFamily(
         0x04: Command("reg_write", WRITE, IF_ALL, STAGED),
         0x05: Command("action", EMPTY, IF_ALL, RELEASES),
         0x06: Command("reset", EMPTY, IF_ALL, RESETS),
-        0x82: Command("sync_read", SYNC_READ, NEVER, to_all=MANY),
+        0x82: Command("sync_read", SYNC_READ, NEVER, to_all=MANY, each=MUST),
         0x83: Command("sync_write", SYNC_WRITE, NEVER),
     },
     feedback=RESPONSE,

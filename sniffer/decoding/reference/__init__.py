@@ -7,7 +7,7 @@ in the obvious way. Tests hold the block decoder equal to this one; nothing else
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.echo import slow_echoes
@@ -34,10 +34,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.protocols.base import BusProtocol, SlowFrame
+    from sniffer.protocols.listing import ListedServo
 
 
 FrameRow = tuple[int, int, int, int, int, int, bytes, int, int, int, int, int, int, int]
-TransactionRow = tuple[int, int, int, int]
+TransactionRow = tuple[int, int, int, int, int]
+"""Where request and response begin (-1: none), outcome, response time, and who was asked."""
 
 
 @dataclass(slots=True)
@@ -55,6 +57,8 @@ class _Pair:
     response: SlowFrame | None
     outcome: int
     took: int = -1
+    target: ListedServo | None = None
+    """Which servo it is about, where the request lists several."""
 
 
 class Reference:
@@ -194,6 +198,9 @@ class Reference:
             took = max(self._t_start(f) - self.times[end - 1], 0) if known else -1
             pairs.append(_Pair(q, f, outcome, took))
         pairs += [_Pair(frames[row], None, NO_RESPONSE) for row in alone]
+        for q in frames:
+            if q.targets:
+                pairs = _by_target(q, pairs)
         pairs.sort(key=_place)
         return pairs
 
@@ -230,21 +237,32 @@ class Reference:
                 self._hear(told[frames[heard].start])
                 heard += 1
             if q is not None and r is None and not q.flags & ECHO:
-                mode = self.mode[q.servo_id & 255]
+                whom = q if p.target is None else p.target
+                mode = self.mode[whom.servo_id & 255]
                 expected = (
-                    q.reply >= MUST
-                    or (q.reply == IF_READ and mode != 0)
-                    or (q.reply == IF_ALL and mode == 2)
+                    whom.reply >= MUST
+                    or (whom.reply == IF_READ and mode != 0)
+                    or (whom.reply == IF_ALL and mode == 2)
                 )
-                p.outcome = (
-                    (DAMAGED if id(q) in torn else NO_RESPONSE) if expected else NOT_EXPECTED
-                )
+                where = _before(p, pairs)
+                is_torn = id(where) in torn
+                if p.target is not None and p.target.begins and where is not None:
+                    # of a packet for all that is cut short, those not in it said nothing
+                    is_torn &= _room_behind(where, frames, stop) > p.target.begins
+                p.outcome = (DAMAGED if is_torn else NO_RESPONSE) if expected else NOT_EXPECTED
             # Of several open requests the answer may be another's: right behind its own it is not.
             right_behind = q is not None and r is not None and row[id(r)] == row[id(q)] + 1
             if q is not None and right_behind and p.outcome == OK and q.reply == IF_ALL:
                 self.mode[q.servo_id & 255] = 2
+            asked = p.target or q
             self.out.transactions.append(
-                (q.start if q else -1, r.start if r else -1, p.outcome, p.took)
+                (
+                    q.start if q else -1,
+                    r.start if r else -1,
+                    p.outcome,
+                    p.took,
+                    asked.servo_id if asked else -1,
+                )
             )
         for f in frames[heard:]:
             self._hear(told[f.start])
@@ -261,7 +279,10 @@ class Reference:
     def _torn(
         self, pairs: list[_Pair], frames: list[SlowFrame], data: bytes, stop: int
     ) -> set[int]:
-        """Return the requests behind which unclaimed bytes stand where their answer should."""
+        """Return the requests behind which unclaimed bytes stand where their answer should.
+
+        And the answers behind which there are any: where several are to come, the next is torn.
+        """
         starts = {f.start for f in frames}
         answers = {
             id(p.request): p.response
@@ -283,7 +304,7 @@ class Reference:
                 turns.append(turn)
             if f.kind == REQUEST:
                 turn.append(f)
-        out: set[int] = set()
+        out = {id(f) for f in frames if f.kind != REQUEST and torn(f)}
         for turn in turns:
             for i, q in enumerate(turn):
                 where = q
@@ -297,15 +318,60 @@ class Reference:
                 if (
                     torn(q)
                     or (echo and torn(turn[i + 1]))
-                    or (torn(where) and where.end - q.end < self.protocol.reach)
+                    or (
+                        id(q) not in answers
+                        and torn(where)
+                        and where.end - q.end < self.protocol.reach
+                    )
                 ):
                     out.add(id(q))
         return out
 
 
-def in_order(row: TransactionRow) -> tuple[int, int]:
+def in_order(row: TransactionRow) -> tuple[int, int, int]:
     """Order by request; a block may tell of one where its answer stands."""
-    return (row[0] if row[0] >= 0 else row[1]), row[1]
+    return (row[0] if row[0] >= 0 else row[1]), row[1], row[4]
+
+
+def _by_target(q: SlowFrame, pairs: list[_Pair]) -> list[_Pair]:
+    """Return the pairs with one for each servo that a request lists, answered or not."""
+    mine = [p for p in pairs if p.request is q and p.response is not None]
+    mine.sort(key=_place)
+    used: list[_Pair] = []
+    out: list[_Pair] = []
+    for target in q.targets:
+        of = [p for p in mine if p.response is not None and p.response.servo_id == target.by]
+        used += of[:1]
+        now = of[0] if of else _Pair(q, None, NO_RESPONSE)
+        out.append(replace(now, target=target))
+    gone = {id(p) for p in used}
+    others = [
+        p for p in pairs if id(p) not in gone and (p.request is not q or p.response is not None)
+    ]
+    return sorted([*others, *out], key=_place)
+
+
+def _before(p: _Pair, pairs: list[_Pair]) -> SlowFrame | None:
+    """Return behind what an answer should stand: another of its list, or the request."""
+    if p.target is None or p.request is None:
+        return p.request
+    answered = {
+        o.target: o.response for o in pairs if o.request is p.request and o.target is not None
+    }
+    targets = p.request.targets
+    before = [answered[t] for t in targets[: targets.index(p.target)]]
+    return next((r for r in reversed(before) if r is not None), p.request)
+
+
+def _room_behind(f: SlowFrame, frames: list[SlowFrame], stop: int) -> int:
+    """Return how many bytes behind a frame, or behind its echo, no frame claims."""
+    row = frames.index(f)
+    room = 0
+    for k in range(row, len(frames)):
+        if k > row and not frames[k].flags & ECHO:
+            break
+        room += (frames[k + 1].start if k + 1 < len(frames) else stop) - frames[k].end
+    return room
 
 
 def _place(p: _Pair) -> int:

@@ -25,7 +25,8 @@ class AnsweredCommands:
     def add(self, batch: Batch) -> None:
         """Take the exchanges of a batch."""
         t, f = batch.transactions, batch.frames
-        sound = t.request[(t.outcome == OK) & (t.request >= 0)]
+        asked = batch.rows_of(t.request)
+        sound = asked[(t.outcome == OK) & (asked >= 0)]
         ops, first = np.unique(f.op[sound], return_index=True)
         for op, row in zip(ops.tolist(), sound[first].tolist(), strict=True):
             self._since.setdefault(op, int(f.start[row]) + batch.base)
@@ -62,8 +63,9 @@ def outcomes_of(batch: Batch) -> I64:
     """Return what became of each frame's request, -1 for others; an echo's is its request's."""
     t, f = batch.transactions, batch.frames
     out = np.full(len(f) + 1, -1, np.int64)
-    mine = np.flatnonzero(t.request >= 0)
-    out[t.request[mine]] = t.outcome[mine]
+    asked = batch.rows_of(t.request)
+    mine = np.flatnonzero(asked >= 0)
+    out[asked[mine]] = t.outcome[mine]
     echo = np.flatnonzero(f.flags & ECHO)
     out[echo] = out[echo - 1]
     return out

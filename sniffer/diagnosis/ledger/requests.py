@@ -59,6 +59,7 @@ class RequestRows:
         self.answer_at = np.concatenate([held.answer_at, np.full(n, -1)])
         self.answer_length = np.concatenate([held.answer_length, np.zeros(n, np.int64)])
         self.window = np.concatenate([held.window, np.zeros(n, np.int64)])
+        self._owes = np.full(len(self), -1)  # who failed to answer, as far as it is told
 
     def __len__(self) -> int:
         return len(self.t_start)
@@ -68,14 +69,18 @@ class RequestRows:
         t, f = batch.transactions, batch.frames
         place = np.full(len(f) + 1, -1)
         place[self._asks] = np.arange(self._first, len(self))
-        row = t.request
-        here = place[np.maximum(row, -1)]
+        row, own = t.request, batch.rows_of(t.request)
+        here = place[np.maximum(own, -1)]
         if (row < -1).any() and self._first:  # of earlier passes
-            earlier = np.flatnonzero(row < -1)
+            earlier = np.flatnonzero((row < -1) & (own < 0))
             at = batch.asked(row[earlier]).start + batch.base
             held = np.minimum(np.searchsorted(self._held.at, at), self._first - 1)
             here[earlier] = np.where(self._held.at[held] == at, held, -1)
         told = np.flatnonzero(here >= 0)
+        if (row < -1).any():
+            # A request to a list is told of once a servo: the first that failed is told last.
+            failed = has_failed(t.outcome[told])
+            told = told[np.lexsort((np.where(failed, -told, told), failed))]
         here, response, outcome = here[told], t.response[told], t.outcome[told]
         self.outcome[here] = outcome
         self.answer_end[here] = np.where(response >= 0, f.t_end[np.maximum(response, 0)], -1)
@@ -84,7 +89,9 @@ class RequestRows:
         self.answer_at[here] = np.where(response >= 0, at, -1)
         wrong = np.flatnonzero(has_failed(outcome))
         if len(wrong):
-            self.window[here[wrong]] = protocol.window_ns(batch.asked(row[told[wrong]]))
+            asked = batch.asked(row[told[wrong]])
+            self.window[here[wrong]] = protocol.window_ns(asked)
+            self._owes[here[wrong]] = asked.servo_id
 
     def places(self, rows: I64) -> I64:
         """Return where requests stand, absolute."""
@@ -95,8 +102,10 @@ class RequestRows:
         return self._look(rows, self._held.length, self._batch.frames.length)
 
     def servos(self, rows: I64) -> I64:
-        """Return whom they are for."""
-        return self._look(rows, self._held.servo_id, self._batch.frames.servo_id.astype(np.int64))
+        """Return whom they are for; of a list, who failed to answer."""
+        named = self._batch.frames.servo_id.astype(np.int64)
+        servo, owes = self._look(rows, self._held.servo_id, named), self._owes[rows]
+        return np.where(owes >= 0, owes, servo)
 
     def unsure(self, rows: I64) -> I64:
         """Return how unsure their times are, in ns."""

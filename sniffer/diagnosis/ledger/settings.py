@@ -119,7 +119,7 @@ class Settings:
         is_answer = batch.frames.kind[v.row[values]] != REQUEST
         asked = np.arange(len(batch.frames))
         paired = (t.request != -1) & (t.response != -1)
-        asked[t.response[paired]] = np.maximum(t.request[paired], -1)
+        asked[t.response[paired]] = batch.rows_of(t.request[paired])
         row = v.row[values]
         before = np.roll(row, 1)
         late: Mask = is_answer & ~np.roll(is_answer, 1) & (before > asked[row])

@@ -47,9 +47,10 @@ class UnnamedWrites:
         writes &= f.flags & (MALFORMED | UNKNOWN | ECHO) == 0
         rows = np.flatnonzero(writes)
         t = batch.transactions
-        answered = (t.outcome == OK) & (t.response >= 0) & (t.request >= 0)
+        asked = batch.rows_of(t.request)
+        answered = (t.outcome == OK) & (t.response >= 0) & (asked >= 0)
         status = np.full(len(f), -2)
-        status[t.request[answered]] = f.status[t.response[answered]]
+        status[asked[answered]] = f.status[t.response[answered]]
         told = status[rows] > -2
         refused = told & self._protocol.refused(status[rows].astype(np.int16))
         self._writes.add(

@@ -70,6 +70,7 @@ class FamilyColumns:
         self._answer_at = np.full(256, -1, np.int64)
         self.lists, self.together, self._asks, self._repeats = np.zeros((4, 256), bool)
         self._own = np.zeros(256, bool)
+        self.each = np.zeros(256, np.uint8)
         for code in self.shapes:
             self._enter(code)
         # whether anything stands between an address and the data
@@ -116,7 +117,7 @@ class FamilyColumns:
         self._fixed[code], self._at[code] = shape.fixed, command.at
         self._spaces[code], self._strides[code] = command.space, command.stride
         self._answer_at[code], self._repeats[code] = command.answer_at, command.repeats
-        self.together[code] = command.together
+        self.together[code], self.each[code] = command.together, command.each
         self._own[code] = self.family.echoes and command.on_its_own
         if shape.targets is not None:
             self.lists[code] = not shape.brings_several

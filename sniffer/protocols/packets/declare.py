@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import construct as c
 
-from sniffer.ground.codes import NEVER
+from sniffer.ground.codes import IF_READ, NEVER
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.registers import numbered
 from sniffer.ground.wire import ByCode
@@ -55,6 +55,7 @@ class Command:
 
     - ``reply``, ``to_all``: whether one servo answers, and whether anybody does where all are
       meant: NEVER, OPTIONAL, IF_ALL, IF_READ, MUST or MANY.
+    - ``each``: how far each servo that a request lists owes it an answer, in the same words.
     - ``effect`` joins STAGED (its values wait for another command), RELEASES (it is that one) and
       RESETS (the servo goes back to its defaults).
     - ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits of
@@ -87,6 +88,7 @@ class Command:
     effect: int = 0
     new_id: tuple[int, int] | None = None
     to_all: int = NEVER
+    each: int = IF_READ
     answer: int = 0
     together: bool = False
     at: int = -1

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from sniffer.ground.distinct import numbers
+from sniffer.protocols.listing import Listing
 from sniffer.protocols.packets.declare import LISTED
 
 if TYPE_CHECKING:
@@ -47,13 +48,15 @@ class Nth(NamedTuple):
 class Tables(Protocol):
     """What is known of a family's commands before a byte is read.
 
-    ``shapes`` by code; ``together``, for each of the 256 codes, whether one packet answers for all.
+    ``shapes`` by code; ``together``, for each of the 256 codes, whether one packet answers for all;
+    ``each``, how far every servo owes an answer.
     """
 
     family: PacketFamily
     plan: Plan
     shapes: dict[int, Shape]
     together: Mask
+    each: U8
 
 
 def column(data: U8, at: I64, width: int) -> I64:
@@ -195,3 +198,36 @@ def listed(
     good = all_in_one[length[all_in_one] == due[asked[all_in_one]]]
     good = good[np.isin(servo_id[good], of.family.silent)]
     address[good], token[good] = place[asked[good]], LISTED
+
+
+def targets(of: Tables, body: Bytes, code: U8, lists: Mask) -> Listing:
+    """Return whom requests list; an id that is listed twice answers once.
+
+    Args:
+        of: the family's tables.
+        body: parameters of all rows.
+        code: of all rows.
+        lists: which of them are such requests.
+    """
+    rows = np.flatnonzero(lists)
+    found = [
+        step
+        for k in numbers(code[rows]).tolist()
+        for step in steps(body, rows[code[rows] == k], of.shapes[k])
+    ]
+    row, servo_id, address, length = (
+        np.concatenate([np.empty(0, np.int64), *(np.asarray(s[i], np.int64) for s in found)])
+        for i in range(4)
+    )
+    order = np.argsort(row, kind="stable")  # steps come one after the other, row by row
+    row, servo_id, address, length = row[order], servo_id[order], address[order], length[order]
+    together = of.together[code[row]]
+    size = np.cumsum(length + 2 + of.plan.sum_width) - (length + 2 + of.plan.sum_width)
+    first = np.searchsorted(row, row)
+    begins = np.where(together & (size > size[first]), of.plan.tail_at + size - size[first], 0)
+    by = np.where(together, next(iter(of.family.silent), -1), servo_id)
+    _, once = np.unique(row << 8 | servo_id, return_index=True)
+    once = np.sort(once[~np.isin(servo_id[once], of.family.silent)])
+    reply = of.each[code[row]].astype(np.int64)
+    told = Listing(row, servo_id, by, address, length, reply, begins)
+    return Listing(*(column[once] for column in told))

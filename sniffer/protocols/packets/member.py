@@ -52,7 +52,8 @@ class Member(Words):
         self.tail_ns, self.everyone = family.tail_ns, family.everyone
         self.models, self.registers = family.models, joined(family.models)
         self.frame, self.describe = columns.frame, columns.describe
-        self.values = Readings(columns).values
+        readings = Readings(columns)
+        self.values, self.targets = readings.values, readings.targets
         self.slow_parse, self.slow_describe = slow.parse, slow.describe
         self.slow_parts, self.slow_values = slow.parts, slow.values
         self.slow_clues = no_clues

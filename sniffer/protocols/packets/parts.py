@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.ground.codes import REQUEST
+from sniffer.ground.codes import MANY, REQUEST
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL, Spans
 from sniffer.protocols.packets.declare import LISTED
-from sniffer.protocols.packets.listed import Nth, asked_by, steps
+from sniffer.protocols.packets.listed import Nth, asked_by, steps, targets
 from sniffer.protocols.shapes import Addressed, Parts
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Frames, Mask
     from sniffer.protocols.base import State, Values
+    from sniffer.protocols.listing import Listing
     from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.listed import Bytes
 
@@ -60,6 +61,13 @@ class Readings:
         if body.data is not block.data:
             block = Block(body.data, block.barriers, block.final)
         return self._shapes.read(block, parts, state)
+
+    def targets(self, block: Block, frames: Frames) -> Listing:
+        """Return whom the requests that read several servos list."""
+        columns = self._columns
+        lists = (frames.kind == REQUEST) & (frames.token == LISTED) & (frames.reply == MANY)
+        body = columns.plain(block, frames.start, frames.end)
+        return targets(columns, body, block.data[frames.start + columns.code_at], lists)
 
     def _several_of(self, body: Bytes, op: I64, rows: I64, several: Mask) -> list[Nth]:
         """Return the parts of commands that bring data for several servos.

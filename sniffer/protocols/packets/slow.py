@@ -16,6 +16,7 @@ from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.dissection import leaves
+from sniffer.protocols.listing import ListedServo
 from sniffer.protocols.packets.declare import (
     ADDRESS_AT,
     ANY,
@@ -212,6 +213,7 @@ class Slow:
         if "targets" in fields:
             if not _brings(command):
                 out.token, out.data = LISTED, b""
+                out.targets = self._listed(out, command) if out.reply == MANY else ()
         elif "length" in fields and "data" not in fields:
             out.token, out.data = fields.length, b""
         brought = params if command.at >= 0 else fields.get("data", b"")
@@ -260,6 +262,19 @@ class Slow:
         if before.servo_id not in family.anyone and before.servo_id != packet.servo_id:
             return True
         return len(params) not in (0, before.token) or raw == before.raw
+
+    def _listed(self, frame: SlowFrame, command: Command) -> tuple[ListedServo, ...]:
+        """Return whom a request lists, each once, and under which id each answers."""
+        silent, out = self.family.silent, dict[int, ListedServo]()
+        head = len(frame.raw) - self._behind - len(self._read(frame)[0])
+        begins = 0
+        for t in self._targets(frame):
+            by = next(iter(silent), -1) if command.together else t.servo_id
+            at = head + begins if command.together and begins else 0
+            if t.servo_id not in silent:
+                out.setdefault(t.servo_id, ListedServo(t.servo_id, by, command.each, at))
+            begins += t.length + 2 + self._sum_width
+        return tuple(out.values())
 
     def _targets(self, frame: SlowFrame) -> list[_Target]:
         """Return the servos that a command to several names."""

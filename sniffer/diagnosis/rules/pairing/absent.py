@@ -81,8 +81,8 @@ def _is_misread(case: Case, servo: int) -> bool:
     """
     kinds = case.ledger.exchanges.kinds
     mine = [k for k in range(len(kinds)) if kinds.servo_id[k] == servo]
-    if int(case.damage["n"].sum()) < int(kinds.n[mine].sum()):
-        return False
+    if not mine or int(case.damage["n"].sum()) < int(kinds.n[mine].sum()):
+        return False  # none of its own: who is named in lists alone is meant there
     others = [k for k in range(len(kinds)) if kinds.servo_id[k] in case.answering]
     return all(
         case.protocol.checksum_of(kinds.example[k]) is None
