@@ -172,6 +172,27 @@ def test_a_few_lost_answers_have_no_cause_and_are_not_nothing(
     assert "@no-response` draws the first of them." in words
 
 
+def test_what_an_incident_of_one_servo_explains_of_it_is_still_said_of_others(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    def dies(talk: Conversation, cycle: int, servo: int) -> bool:
+        if not (servo == 2 and cycle >= 200) and (cycle, servo) not in {(90, 1), (240, 3)}:
+            return False
+        talk.ask_in_vain(servo)
+        return True
+
+    log = said(tmp_path / "a.log", robot("mightyzap", 8, instead=dies))
+    words = diagnose.says(log).out
+    assert re.search(r"servo 2 answered until", words)
+    assert "no cause can be told of 2 x no-response (servos 1, 3)\n" in words
+    (drawn,) = re.findall(r"a\.log@(\d+)` draws the first of them", words)
+    assert "no-response" in command("explain", f"{log}@{drawn}").out
+    told = diagnose.told(log)
+    assert told["unexplained"] == [
+        {"bus": "bus0", "code": "no-response", "count": 2, "servo_ids": [1, 3]}
+    ]
+
+
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
 def test_of_bytes_without_a_single_frame_nobody_says_that_nothing_is_wrong(
     protocol: str, diagnose: Asked, tmp_path: Path, capsys: pytest.CaptureFixture[str]

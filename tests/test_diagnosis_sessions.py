@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from sniffer.diagnosis.evidence.paces import is_of_slower_loop
 from sniffer.diagnosis.ledger.buckets import BUCKET_NS
 from sniffer.diagnosis.ledger.exchanges import Pause
-from sniffer.diagnosis.rules.timing.pace import is_of_slower_loop
 from sniffer.ground.model import MS, Direction
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 READ, ANSWER = zap(1, 0xF2, b"\x8c\x02"), zap(1, 0, b"\x10\x02")
 WRITE = zap(1, 0xF3, b"\x86\x01\x02")
+TORN = bytes([*READ[:3], *(byte ^ 0x24 for byte in READ[3:])])
 EXCHANGES = {
     "lss": (b"#1QD\r", b"*1QD5\r"),
     "mightyzap": (READ, ANSWER),
@@ -89,6 +90,23 @@ def test_a_servo_that_does_not_answer_is_missed_once_an_exchange_also_on_an_echo
     assert codes(told) == ["adapter-echo", "no-response", "no-response", "capture-end"]
 
 
+@pytest.mark.parametrize("name", EXCHANGES)
+@pytest.mark.parametrize("is_first", [True, False], ids=["the request", "its echo"])
+def test_where_one_of_the_two_is_torn_the_others_are_still_echoes(
+    name: str, is_first: bool
+) -> None:
+    """A hit beside a request makes no retries of the echoes that follow."""
+    request, answer = EXCHANGES[name]
+    torn = bytes([request[0], *(byte ^ 0x81 for byte in request[1:])])
+    hit = [torn, request, answer] if is_first else [request, torn, answer]
+    echoed = [request, request, answer]
+    parts = decoded(name, *echoed * 12, *hit, *echoed * 3, *hit, *echoed * 3)
+    told = records(parts).transactions
+    outcomes = [OUTCOMES[how] for _, _, how, _ in told]
+    assert outcomes.count("not_expected") == 18
+    assert "no_response" not in outcomes
+
+
 def test_the_response_time_counts_from_the_echo() -> None:
     byte = 173_612
     t, chunks = 0, []
@@ -108,6 +126,9 @@ def random_talk(rng: np.random.Generator) -> list[bytes]:
         lambda: [READ, READ],
         lambda: [READ, READ, ANSWER, ANSWER],
         lambda: [WRITE],
+        lambda: [READ, TORN, ANSWER],
+        lambda: [TORN, READ, ANSWER],
+        lambda: [TORN],
     ]
     out: list[bytes] = []
     for _ in range(int(rng.integers(1, 25))):

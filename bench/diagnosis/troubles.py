@@ -165,7 +165,9 @@ class HeldLine(_Planned):
     share: float = 1.0
 
     def on(self, bench: Bench, said: Said) -> Said:
-        """Hold the line high behind a request."""
+        """Hold the line high behind a request, until its driver speaks again."""
+        if said.sender < 0:
+            self._due = [p._replace(end_ns=min(p.end_ns, said.t_ns)) for p in self._due]
         concerned = said.sender < 0 and _inside(self.windows, said.t_ns)
         if concerned and bench.rng.random() < self.share:
             hold = bench.rng.randint(*self.hold_ns)

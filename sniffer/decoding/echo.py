@@ -3,8 +3,9 @@
 Some adapters hear what they send, and some programs log both. The second of the two is no request:
 nobody answers it. A mere retry looks the same once, so it takes ``CONFIRMED`` doubled requests
 with one answer each, and no single one among them. Doubled requests with two answers, or with none
-(a program that sends its broadcasts twice), prove nothing. Bytes decide alone: a doubled request is
-an echo if the proof is complete no more than ``SPAN`` bytes behind it, before the next silence.
+(a program that sends its broadcasts twice), prove nothing, and neither does a single one right
+beside bytes of no frame: one of the two may have been torn. Bytes decide alone: a doubled request
+is an echo if the proof is complete no more than ``SPAN`` bytes behind it, before the next silence.
 """
 
 from __future__ import annotations
@@ -34,13 +35,15 @@ an echo before it is known to be one."""
 class Echoes(Remembering):
     """Finds echoes block after block."""
 
-    PASSING = ("_count", "_last")
+    PASSING = ("_count", "_last", "_torn", "_last_torn")
 
     def __init__(self) -> None:
         self._count = 0  # doubled requests with one answer since the last single one
         self._last = b""  # the last request, if the next frame may be its echo
+        self._torn = False  # bytes of no frame stand right before the next block
+        self._last_torn = False  # ... and right before that last request
         self._seconds = self._proofs = np.empty(0, bool)
-        self._singles = self._seconds
+        self._singles = self._before = self._seconds
 
     def matters(self, at: int) -> Mapping[str, Any]:
         """Return what has been seen: more proofs than are asked for prove no more."""
@@ -79,7 +82,10 @@ class Echoes(Remembering):
         self._seconds = self._proofs = self._singles = none
         sends = frames.kind == REQUEST
         second = self._doubled(frames, block, sends, silent=silent)
-        if self._last and n and not second[0]:
+        self._before, torn_behind = self._beside(frames, block, decided, silent=silent)
+        # nothing stands behind the last request of the block before but this one's first frame
+        alone = silent or (n > 0 and frames.start[0] == 0 and not second[0])
+        if self._last and alone and not self._last_torn:
             self._count = 0  # that was a single one
         if not second.any() and not self._count:
             self._singles = sends
@@ -92,7 +98,7 @@ class Echoes(Remembering):
             waits[-1] = frames.end[-1] == decided
         segment = block.segment(frames.start)
         self._seconds = second
-        self._singles = sends & ~second & ~first
+        self._singles = sends & ~second & ~first & ~self._before & ~torn_behind
         self._proofs = _proofs(frames, second, block)
         single = self._singles & ~waits
         run = np.cumsum(single)
@@ -141,17 +147,44 @@ class Echoes(Remembering):
             out[row] = not out[row - 1] and data[2 * a - b : a] == data[a:b]
         return out
 
+    def _beside(
+        self, frames: Frames, block: Block, decided: int, *, silent: bool
+    ) -> tuple[Mask, Mask]:
+        """Tell right before which rows, and right behind which, bytes of no frame stand."""
+        if not len(frames):
+            none = np.zeros(0, bool)
+            return none, none
+        # A barrier between two rows is an edge as the block's own are: row 1 begins where the
+        # silence ends, and row 0 ends before it.
+        #
+        #     byte        0    7 9      16        barrier at 9, decided up to 18
+        #     frame       Q      Q
+        #     behind      7      16               edges behind: 9, 18
+        #     torn        1      1
+        first = np.zeros(len(frames), np.int64)
+        first[1:] = frames.end[:-1]
+        last = np.append(frames.start[1:], decided)
+        if len(block.barriers):
+            behind = np.searchsorted(block.barriers, frames.start, "right")
+            edges = np.concatenate([[0], block.barriers, [max(decided, block.n)]])
+            first = np.maximum(first, edges[behind])
+            last = np.minimum(last, np.minimum(edges[behind + 1], decided))
+        before: Mask = frames.start > first
+        before[0] |= self._torn and not silent and not frames.start[0]
+        return before, last > frames.end
+
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
         if not kept:
             if cut:  # bytes that no frame claims
-                self._count, self._last = (0 if self._last else self._count), b""
+                self._last, self._torn = b"", True
             return
-        self._last = b""
+        self._last, self._torn = b"", int(frames.end[kept - 1]) < cut
         if frames.kind[kept - 1] == REQUEST and not self._seconds[kept - 1]:
             start, end = int(frames.start[kept - 1]), int(frames.end[kept - 1])
             if end == cut:
                 self._last = block.data[start:end].tobytes()
+                self._last_torn = bool(self._before[kept - 1])
         singles = np.flatnonzero(self._singles[: kept - 1 if self._last else kept])
         begin = int(singles[-1]) + 1 if len(singles) else 0
         self._count = int(self._proofs[begin:kept].sum()) + (0 if len(singles) else self._count)
@@ -177,8 +210,17 @@ def _proofs(frames: Frames, second: Mask, block: Block) -> Mask:
     return out
 
 
-def slow_echoes(frames: Sequence[SlowFrame], count: int) -> tuple[set[int], int]:
-    """Return the rows of one stretch that are echoes, the obvious way, and the count behind it."""
+def slow_echoes(
+    frames: Sequence[SlowFrame], count: int, begin: int, stop: int
+) -> tuple[set[int], int]:
+    """Return the rows of one stretch that are echoes, the obvious way, and the count behind it.
+
+    Args:
+        frames: of the stretch.
+        count: the count before it.
+        begin: where the stretch begins.
+        stop: where it ends.
+    """
     seconds: set[int] = set()
     for i in range(1, len(frames)):
         a, b = frames[i - 1], frames[i]
@@ -187,8 +229,10 @@ def slow_echoes(frames: Sequence[SlowFrame], count: int) -> tuple[set[int], int]
             seconds.add(i)
     counts: list[tuple[int, int]] = []  # for each row, the run it is in and the proofs so far
     run = 0
+    edges = [begin, *(edge for f in frames for edge in (f.start, f.end)), stop]
     for i, f in enumerate(frames):
-        if f.kind == REQUEST and i not in seconds and i + 1 not in seconds:
+        is_beside_torn = edges[2 * i] < f.start or f.end < edges[2 * i + 3]
+        if f.kind == REQUEST and not is_beside_torn and not seconds & {i, i + 1}:
             run, count = run + 1, 0
         answers = [g.kind == RESPONSE for g in frames[i + 1 : i + 3]]
         proof = i in seconds and f.reply not in (NEVER, MANY)

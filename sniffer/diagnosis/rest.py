@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections import defaultdict
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from sniffer.ground.model import Severity
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Sequence, Set
     from pathlib import Path
 
     from sniffer.decoding.called import ServoNames
@@ -27,11 +27,33 @@ SHOWN: Final = 6
 """Servos that are named of one code."""
 
 
+EVERYBODY: Final = None
+"""Whose it is that is nobody's in particular, as findings have it."""
+
 START: Final = "capture-start"
 """What stands before the first frame."""
 
+RARE: Final = 0.2
+"""Part of its answers beyond which a servo that answers the rest is looked at by itself."""
+
 FEW: Final = 0.01
 """Part of its answers that a sound servo's line may lose without a cause that could be told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """Anomalies of one code and one bus, in numbers and in words; -1 is nobody in particular."""
+
+    bus: str
+    code: str
+    count: int
+    servo_ids: tuple[int, ...]
+    words: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as a document has it."""
+        servo_ids = [servo for servo in self.servo_ids if servo >= 0]
+        return {"bus": self.bus, "code": self.code, "count": self.count, "servo_ids": servo_ids}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +70,8 @@ class Rest:
     code: str = ""
     """Its code, where it is the only bus's."""
     source: str = "FILE"
-    parts: tuple[tuple[str, str], ...] = ()
-    """What it is told of, each with its bus."""
+    parts: tuple[Unexplained, ...] = ()
+    """What it is told of."""
 
     @property
     def next(self) -> str:
@@ -61,7 +83,7 @@ class Rest:
 
     def named(self, names: ServoNames) -> Rest:
         """Return the same with the names of servos."""
-        told = ", ".join(names.sentence(bus, words) for bus, words in self.parts)
+        told = ", ".join(names.sentence(part.bus, part.words) for part in self.parts)
         return replace(self, told=told) if names else self
 
     def of(self, inputs: Sequence[str | Path], *, is_part: bool) -> Rest:
@@ -76,14 +98,15 @@ class Rest:
 
 
 def rest_of(cases: Sequence[Case], incidents: Sequence[Incident]) -> Rest:
-    """Return the warnings and errors of codes that no incident of their bus has.
+    """Return the warnings and errors that no incident of their bus has.
+
+    What a servo's incident explains of it, it does not explain of another.
 
     What to do next is what its entry says of the code that came most often, and where to look.
     A few lost answers among many have no cause that could be told: a capture with them is not one
     in which nothing is wrong.
     """
-    explained = {(i.bus, f.code) for i in incidents for f in i.findings}
-    told: list[tuple[int, str, str, Case]] = []
+    told: list[Unexplained] = []
     for case in cases:
         begun = len(told)
         counts: dict[str, dict[int, int]] = defaultdict(lambda: defaultdict(int))
@@ -101,30 +124,49 @@ def rest_of(cases: Sequence[Case], incidents: Sequence[Incident]) -> Rest:
                 if counts[MISSING][servo] <= 0:
                     del counts[MISSING][servo]
         of_bus = f" on {case.bus}" if len(cases) > 1 else ""
+        theirs = [i for i in incidents if i.bus == case.bus]
         for code, by_servo in counts.items():
-            if by_servo and (case.bus, code) not in explained:
-                n = int(np.sum(list(by_servo.values())))
-                words = f"{n} x {code}{_whose(sorted(by_servo))}{of_bus}"
-                told.append((n, code, words, case))
-        told[begun:] = sorted(told[begun:], key=lambda t: -t[0])  # bus by bus
+            explained = _explained(code, theirs)
+            left = {s: n for s, n in by_servo.items() if not explained & {s, EVERYBODY}}
+            if left:
+                n, servos = int(np.sum(list(left.values()))), tuple(sorted(left))
+                words = f"{n} x {code}{_whose(servos)}{of_bus}"
+                told.append(Unexplained(case.bus, code, n, servos, words))
+        told[begun:] = sorted(told[begun:], key=lambda part: -part.count)  # bus by bus
         if len(told) == begun and _is_unread(case, incidents):
             # what lies before a first frame that never comes is no beginning
             words = f"{counted(case.ledger.bytes, 'byte')}, none of them in a frame{of_bus}"
-            told.append((1, START, words, case))
+            told.append(Unexplained(case.bus, START, 1, (), words))
     if not told:
         return Rest()
-    n, most, _, case = max(told, key=lambda t: t[0])
-    place = str(int(case.alarms["at"][case.alarm_rows(most)].min()))
+    most = max(told, key=lambda part: part.count)
+    case = next(case for case in cases if case.bus == most.bus)
+    place = str(_first_of(case, most))
     is_one_bus = len(cases) == 1
-    parts = tuple((each.bus, words) for _, _, words, each in told)
-    words = ", ".join(words for _, words in parts)
     return Rest(
-        words,
-        _doing(case, n, most),
+        ", ".join(part.words for part in told),
+        _doing(case, most),
         place if is_one_bus else f"{case.bus}:{place}",
-        most if is_one_bus else "",
-        parts=parts,
+        most.code if is_one_bus and not _explained(most.code, incidents) else "",
+        parts=tuple(told),
     )
+
+
+def _explained(code: str, incidents: Iterable[Incident]) -> Set[int | None]:
+    """Return whose anomalies of a code incidents explain: `EVERYBODY` of what is the line's."""
+    return {
+        f.servo_id if i.servo_ids else EVERYBODY
+        for i in incidents
+        for f in i.findings
+        if f.code == code
+    }
+
+
+def _first_of(case: Case, part: Unexplained) -> int:
+    """Return the place of the first of them."""
+    rows = case.alarm_rows(part.code)
+    theirs = np.isin(case.alarms["servo_id"][rows], part.servo_ids) | (not part.servo_ids)
+    return int(case.alarms["at"][rows[theirs]].min())
 
 
 def _is_unread(case: Case, incidents: Iterable[Incident]) -> bool:
@@ -133,17 +175,19 @@ def _is_unread(case: Case, incidents: Iterable[Incident]) -> bool:
     return bool(heard) and all(i.bus != case.bus for i in incidents)
 
 
-def _doing(case: Case, n: int, code: str) -> str:
+def _doing(case: Case, part: Unexplained) -> str:
     """Return what to do about the code that came most often, on the bus where it did."""
-    if code == START:
+    if part.code == START:
         return "Look whether this protocol is spoken there, and by which baud rate it was heard."
-    asked = sum(case.total("asked", servo) for servo in case.answering)
-    if code != MISSING or n > FEW * asked:
-        return CATALOGUE[code].remedy
+    theirs = sum(case.total("asked", servo) for servo in set(case.answering) & {*part.servo_ids})
+    if part.code != MISSING or part.count > RARE * theirs:
+        return CATALOGUE[part.code].remedy
     # who answers all the rest is there, at this rate, and is set to answer
-    lost = f"{n} of {asked} answers {'is' if n == 1 else 'are'} lost"
+    asked = sum(case.total("asked", servo) for servo in case.answering)
+    lost = f"{part.count} of {asked} answers {'is' if part.count == 1 else 'are'} lost"
+    why = "too few to tell why" if part.count <= FEW * asked else "and nothing tells why"
     return (
-        f"{lost}, too few to tell why: record for longer, and move the cables by hand meanwhile; "
+        f"{lost}, {why}: record for longer, and move the cables by hand meanwhile; "
         "losses that follow the hand are a contact's."
     )
 

@@ -64,7 +64,8 @@ class Diagnosed:
         for incident in told if self.names else ():
             bus = incident["bus"]
             incident["findings"] = [self.names.beside(bus, each) for each in incident["findings"]]
-        return {"incidents": told, "judged": self.judged}
+        unexplained = [part.as_dict() for part in self.rest.parts]
+        return {"incidents": told, "unexplained": unexplained, "judged": self.judged}
 
 
 def diagnose(

@@ -136,7 +136,7 @@ class Reference:
                 frames.append(frame)
                 p = end
         slow_staged_ids(frames, self.staged_ids, self.protocol.everyone)
-        echoes, self.echoes = slow_echoes(frames, self.echoes)
+        echoes, self.echoes = slow_echoes(frames, self.echoes, a, b)
         for row in echoes:
             frames[row].flags |= ECHO
         pairs = self._pair(frames)

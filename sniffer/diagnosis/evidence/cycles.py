@@ -73,6 +73,12 @@ in a loop: a loop that stops goes on where it was. An order in which 30 servos c
 each pair three times as often; what a window beside asks once a second, of a servo after the other,
 is seldom, too, and stands beside one stall in a hundred."""
 
+SHARED: Final = 0.5
+"""Part of the kinds of requests on both sides of a pause that both have where one loop goes on."""
+
+AHEAD: Final = 2.0
+"""How many times as far as mostly goals may go in the time of a pause where they follow a path."""
+
 TURNS: Final = 3
 """So many rests before as many servos, one behind the other in their order, are each one's turn."""
 
@@ -221,6 +227,11 @@ def _is_kept_waiting(case: Case, slower_ns: int) -> bool:
     return False
 
 
+def planned(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, a program has by plan: between steps, motions, activities."""
+    return set[int]().union(*(tell(case, rests) for tell in (steps, turns, motions, activities)))
+
+
 def steps(case: Case, rests: Sequence[Pause]) -> set[int]:
     """Return which pauses, by place, stand between two steps of a program.
 
@@ -280,21 +291,51 @@ def turns(case: Case, rests: Sequence[Pause]) -> set[int]:
 
 
 def motions(case: Case, rests: Sequence[Pause]) -> set[int]:
-    """Return which pauses, by place, stand between a goal that is far away and a look at its joint.
+    """Return which pauses, by place, stand beside a goal that is far away.
 
-    A program waits there for as long as the way takes.
+    Behind it a program waits for as long as the way takes, and then looks at the joint. Before it
+    the program is done with the last way, and stays there for a while.
     """
     kinds = case.ledger.exchanges.kinds
     found: set[int] = set()
     for p in rests:
-        if min(p.kind, p.next_kind) < 0 or kinds.servo_id[p.kind] != kinds.servo_id[p.next_kind]:
-            continue
-        joint = track(case, kinds.servo_id[p.kind])
-        if joint is None:
-            continue
-        then = np.abs(joint.goal.t - p.t_ns) <= BUCKET_NS
-        if float(joint.goal.step[then].max(initial=0.0)) > joint.far:
+        last, then = (kinds.servo_id[k] if k >= 0 else None for k in (p.kind, p.next_kind))
+        is_behind = last == then and _goes_far(case, last, p.t_ns)
+        if is_behind or _goes_far(case, then, p.t_ns + p.sure_ns, p.sure_ns):
             found.add(p.at)
+    return found
+
+
+def _goes_far(case: Case, servo: int | None, t_ns: int, paused_ns: int = 0) -> bool:
+    """Tell whether a servo is sent far away at a moment; behind a pause, farther than it went on.
+
+    Goals that follow a path by the clock are behind a pause where they would be without it.
+    """
+    joint = track(case, servo) if servo is not None else None
+    if joint is None:
+        return False
+    way = float(np.median(np.abs(np.diff(joint.goal.last)))) if len(joint.goal) > 1 else 0.0
+    went_on = AHEAD * way * (1 + paused_ns / BUCKET_NS) if paused_ns else 0.0
+    near = np.abs(joint.goal.t - t_ns) <= BUCKET_NS
+    return float(joint.goal.step[near].max(initial=0.0)) > joint.far + went_on
+
+
+def activities(case: Case, rests: Sequence[Pause]) -> set[int]:
+    """Return which pauses, by place, have other requests behind them than before.
+
+    There one thing was done, and another begins: a loop that stops goes on with what it says.
+    So many requests are looked at on each side that a loop has said all of its own, twice.
+    """
+    found: set[int] = set()
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        wide = 2 * int((np.bincount(kind[kind >= 0]) >= CYCLES).sum())
+        for p, i in zip(rests, np.searchsorted(t, [p.t_ns for p in rests]).tolist(), strict=True):
+            before, behind = (
+                set(kind[max(i - wide, 0) : i].tolist()),
+                set(kind[i : i + wide].tolist()),
+            )
+            if 0 < i < len(t) and len(before & behind) < SHARED * len(before | behind):
+                found.add(p.at)
     return found
 
 

@@ -78,7 +78,8 @@ BY_MOTION: Final = 0.7
 """How much it counts where motion alone is told: what a motor takes to hold its place is not known."""
 
 KNOWN: Final = 0.5
-"""Part of the buckets in which a quantity must be stated to tell."""
+"""Part of the buckets in which a quantity must be stated to tell; that it goes with nothing counts in
+full where each has it: what tears half of all frames hides how hard the motors work meanwhile."""
 
 CLIPPED: Final = 0.95
 """Levels beyond this share of the buckets are taken for it: one spike is no motion."""
@@ -121,7 +122,8 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     line = case.line
     within = (line["bucket"] >= first) & (line["bucket"] < first + count)
     np.add.at(said, line["bucket"][within] - first, line["bytes"][within])
-    levels = {q: _level(case, q, first, count) for q in (*EFFORTS, *WAYS)}
+    told_of = {q: _level(case, q, first, count) for q in (*EFFORTS, *WAYS)}
+    levels = {q: level if known >= KNOWN else None for q, (level, known) in told_of.items()}
     shares = {q: level for q, level in levels.items() if level is not None and level.std() > 0}
     if not shares:
         return
@@ -136,6 +138,7 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     pulls = [q for q in PULLS if levels[q] is not None]
     work = pulls or list(shares)
     varied = max((float(shares[q].std()) for q in work if q in shares), default=0.0)
+    heard = max((known for q, (_, known) in told_of.items() if q in work), default=0.0)
     is_unmoved = correlated < UNMOVED and n.sum() >= PLENTY and varied >= VARIED
     if not is_moved and not is_unmoved:
         return
@@ -161,7 +164,10 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
         ),
         strength=strength_of(correlated, len(ways))
         if is_moved
-        else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0) * (1.0 if pulls else BY_MOTION),
+        else min((DOUBTFUL - correlated) / DOUBTFUL, 1.0)
+        * (1.0 if pulls else BY_MOTION)
+        * (heard - KNOWN)
+        / (1 - KNOWN),
         brief="damage comes while motors work" if is_moved else "damage comes whatever moves",
     )
 
@@ -270,8 +276,11 @@ def strength_of(deviations: float, ways: int) -> float:
     return sureness(ways * 0.5 * math.erfc(deviations / math.sqrt(2)), SURELY)
 
 
-def _level(case: Case, quantity: str, first: int, count: int) -> F64 | None:
-    """Return how hard all motors work by a quantity, by bucket, 1 at most; None: nothing tells."""
+def _level(case: Case, quantity: str, first: int, count: int) -> tuple[F64 | None, float]:
+    """Return how hard all motors work by a quantity, by bucket, 1 at most, or None if they never do.
+
+    And the part of the buckets in which it is stated.
+    """
     total, stated = np.zeros(count), np.zeros(count)
     for servo in case.measured_by(quantity):
         series = case.series(servo, quantity)
@@ -282,14 +291,14 @@ def _level(case: Case, quantity: str, first: int, count: int) -> F64 | None:
         np.add.at(total, series.bucket[within] - first, own[within])
         np.add.at(stated, series.bucket[within] - first, 1)
     known = stated > 0
-    if known.mean() < KNOWN:
-        return None
+    if not known.any():
+        return None, 0.0
     level = total / np.maximum(stated, 1)
     level[~known] = np.median(level[known])
     if quantity == "goal_position":  # the motor works behind the step
         level = np.maximum(level, np.concatenate([[0.0], level[:-1]]))
     most = float(np.quantile(level, CLIPPED))
-    return np.minimum(level, most) / most if most > 0 else None
+    return np.minimum(level, most) / most if most > 0 else None, float(known.mean())
 
 
 def _way(series: Series) -> F64:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.evidence.tracks import track
@@ -36,7 +37,7 @@ FINDINGS: Final = (
     FindingCode(
         "torn-when-away",
         "A servo goes away time and again, now and then within an answer.",
-        "More than three silences or single losses, or three of several requests each, and torn answers of it, two at least and one for ten of those.",
+        "More than three silences or single losses, or three of several requests each, and torn answers of it, two at least and one for ten of those, and more than it would have if it were hit as the others are.",
     ),
     FindingCode(
         "others-away-too",
@@ -69,6 +70,9 @@ OFTEN: Final = 3
 
 TWICE: Final = 2
 """Servos that can go away at once."""
+
+BY_CHANCE: Final = 0.05
+"""So likely a servo has so many torn answers if all are hit alike: what hits all is not its contact."""
 
 PLENTY: Final = 6
 """So many silences and torn answers are no chance."""
@@ -109,7 +113,9 @@ def tears(case: Case) -> Iterator[Finding]:
         # three are a habit where each is of several requests, and answers are torn besides
         is_habit = torn > 0 and len(runs) == OFTEN and all(run.missed > 1 for run in runs)
         is_whole = torn * HARDLY <= len(runs)
-        if not (is_habit or len(runs) > OFTEN) or not (is_whole or torn >= max(2, len(runs) / 10)):
+        if not (is_habit or len(runs) > OFTEN) or not (
+            is_whole or (torn >= max(2, len(runs) / 10) and _is_torn_more(case, servo))
+        ):
             continue
         yield silent(
             "away-without-a-tear" if is_whole else "torn-when-away",
@@ -119,6 +125,15 @@ def tears(case: Case) -> Iterator[Finding]:
             f"{'are' if torn > 1 else 'is'} torn",
             _would_tear(case, servo, runs) if is_whole else min((len(runs) + torn) / PLENTY, 1.0),
         )
+
+
+def _is_torn_more(case: Case, servo: int) -> bool:
+    """Tell whether more of a servo's answers are torn than if it were hit as the others are."""
+    others = [other for other in case.answering if other != servo]
+    mine = case.total("damaged", servo)
+    torn = sum(case.total("damaged", other) for other in others)
+    whole = sum(case.total("ok", other) for other in others)
+    return at_least(mine, mine + case.total("ok", servo), torn / max(torn + whole, 1)) < BY_CHANCE
 
 
 def for_long(case: Case) -> Iterator[Finding]:

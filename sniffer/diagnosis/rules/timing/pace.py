@@ -10,7 +10,6 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.cycles import (
-    ALIKE,
     BEAT,
     CYCLES,
     EDGE,
@@ -24,13 +23,12 @@ from sniffer.diagnosis.evidence.cycles import (
     is_in_bursts,
     is_kept_waiting,
     is_steady_for_a_while,
-    motions,
-    steps,
-    turns,
+    planned,
     whole_cycles,
     without_slower_loops,
 )
 from sniffer.diagnosis.evidence.order import Order
+from sniffer.diagnosis.evidence.paces import is_between_paces, is_of_slower_loop, usual_around
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import MS, NS, Clock, MarkKind
@@ -102,13 +100,6 @@ OFTEN: Final = 0.15
 
 ITS_STEP_TIMES: Final = 3
 """So many requests of one kind with a rest behind: there a program has done what it had to do."""
-
-AROUND_NS: Final = 4 * NS
-MOSTLY: Final = 0.7
-"""What is usual around a pause: what most of so much time on each side has at most."""
-
-SIDE: Final = 4
-"""Quarter seconds that tell what was usual before a pause, or behind it."""
 
 PERSON_NS: Final = NS // 2
 """Nobody stops a program and starts it again within half a second: what is longer may be a person's
@@ -229,11 +220,12 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         return
     rests = case.ledger.exchanges.pauses
     longer = [p for p in rests if p.sure_ns >= LONGER * usual]
-    planned = steps(case, longer) | turns(case, longer) | motions(case, longer)
-    stalls = [p for p in rests if p.sure_ns >= least and p.at not in planned]
+    by_plan = planned(case, longer)
+    stalls = [p for p in rests if p.sure_ns >= least and p.at not in by_plan]
     stalls = without_slower_loops(case, sorted(stalls, key=lambda p: p.t_ns), usual)
-    stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
+    stalls = [p for p in stalls if p.sure_ns >= LONGER * usual_around(case, p)]
     stalls = [p for p in stalls if not is_of_slower_loop(case, p)]
+    stalls = [p for p in stalls if not is_between_paces(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
         return
@@ -270,33 +262,6 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         episodes=tuple((p.t_ns, p.t_ns + p.sure_ns) for p in stalls),
         values=(("longest_ns", longest.sure_ns), ("usual_ns", usual)),
     )
-
-
-def _usual_around(case: Case, pause: Pause) -> float:
-    """Return how long the longest rests of the quarter seconds around a pause mostly are.
-
-    A program that does one thing, then another, has another cycle there.
-    """
-    line = case.line
-    first = np.searchsorted(line["bucket"], (pause.t_ns - AROUND_NS) // BUCKET_NS)
-    last = (pause.t_ns + pause.sure_ns + AROUND_NS) // BUCKET_NS
-    rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
-    rests = rests[rests > 0]
-    return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
-
-
-def is_of_slower_loop(case: Case, pause: Pause) -> bool:
-    """Tell whether a pause is as long as those before it mostly are, or as those behind it.
-
-    The last rest before a program goes on faster is, and has only that on its other side.
-    """
-    line = case.line
-    begin, end = pause.t_ns, pause.t_ns + pause.sure_ns + 2 * case.latency_ns
-    edges = np.array([begin - AROUND_NS, begin, end, end + AROUND_NS]) // BUCKET_NS + (0, 1, 1, 1)
-    first, until, since, last = np.searchsorted(line["bucket"], edges)  # a rest is where it ends
-    sides = line["pause_max"][first:until], line["pause_max"][since:last]
-    usual = [np.quantile(s[s > 0], MOSTLY) for s in sides if (s > 0).sum() >= SIDE]
-    return bool(max(usual, default=0) >= (1 - ALIKE) * pause.sure_ns - 2 * case.latency_ns)
 
 
 def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:
