@@ -8,12 +8,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import jsonschema
 import pytest
 
-from sniffer.ground.registers import schema_path
 from sniffer.inside.filters import filter_of
 from tests.commands import within
+from tests.schemas import hold_to
 
 if TYPE_CHECKING:
     from tests.commands import Ran
@@ -33,8 +32,7 @@ def lines(ran: Ran) -> list[dict[str, Any]]:
 def figures(capsys: Capsys, capture: Path, *options: str) -> dict[str, Any]:
     """Return what ``stats`` tells of a capture, as the schema has it."""
     [told] = lines(within(capsys, "stats", capture, "--format", "json", *options))
-    schema = json.loads(schema_path("stats.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(told, schema)
+    hold_to("stats", told)
     return told
 
 

@@ -6,11 +6,9 @@ import json
 import re
 from typing import TYPE_CHECKING, Any
 
-import jsonschema
 import pytest
 
 from bench.diagnosis.catalogue import scenarios
-from sniffer.ground.registers import schema_path
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from sniffer.simulation.render import candump, frame_reads
@@ -18,11 +16,10 @@ from tests.commands import Ran, within
 from tests.commands import sniffer as command
 from tests.conversations import Conversation, robot
 from tests.golden import CAPTURES, captures
+from tests.schemas import hold_to
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-SCHEMA = json.loads(schema_path("diagnosis.schema.json").read_text(encoding="utf-8"))
 
 
 def log(path: Path, protocol: str, *faults: str, seconds: float = 12.0, seed: int = 5) -> Path:
@@ -64,7 +61,7 @@ def test_what_is_said_of_a_sample_capture_is_as_the_schema_has_it(
     diagnose: Asked, capture: Path
 ) -> None:
     found = diagnose.told(capture)
-    jsonschema.validate(found, SCHEMA)
+    hold_to("diagnosis", found)
     assert found["judged"]
     if "clean" in capture.name:
         assert found["incidents"] == []

@@ -6,15 +6,14 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import jsonschema
 import numpy as np
 import pytest
 
 from sniffer.ground.model import Chunk, Clock
-from sniffer.ground.registers import schema_path
 from sniffer.sinks.raw import LogFile
 from tests.commands import within
 from tests.recordings import START_NS
+from tests.schemas import hold_to
 from tests.streams.mightyzap import packet
 from tests.test_rerun import read
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 Capsys = pytest.CaptureFixture[str]
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
-SCHEMA: Final = json.loads(schema_path("diff.schema.json").read_text(encoding="utf-8"))
 MS: Final = 1_000_000
 
 
@@ -62,7 +60,7 @@ def run(
 def compared(capsys: Capsys, *arguments: str | Path) -> tuple[int, Any]:
     ran = within(capsys, "diff", *arguments, "--baud", "57600", "--format", "json")
     found = json.loads(ran.out)
-    jsonschema.validate(found, SCHEMA)
+    hold_to("diff", found)
     return ran.status, found
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-import jsonschema
 import pytest
 
 from tests.commands import within
+from tests.schemas import hold_to
 from tests.test_cli_diagnose import log
-from tests.test_diff import SCHEMA
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,7 +20,7 @@ Capsys = pytest.CaptureFixture[str]
 def compared(capsys: Capsys, *arguments: str | Path) -> tuple[int, list[dict[str, Any]]]:
     ran = within(capsys, "diff", *arguments, "--format", "json")
     found = json.loads(ran.out)
-    jsonschema.validate(found, SCHEMA)
+    hold_to("diff", found)
     return ran.status, found["differences"]
 
 

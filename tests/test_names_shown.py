@@ -7,15 +7,13 @@ import io
 import json
 from typing import TYPE_CHECKING
 
-import jsonschema
 import pytest
 
-from sniffer.ground.registers import schema_path
 from tests.commands import sniffer
 from tests.lists import in_turn
+from tests.schemas import hold_to
 from tests.test_names import CLEAN, DAMAGED, two_buses
 from tests.test_rerun import read
-from tests.test_stats import SCHEMA
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,7 +83,7 @@ def test_a_table_without_room_for_names_has_ids_and_breaks_no_word(both: Path) -
 
 def test_figures_for_programs_have_a_name_beside_the_id_where_there_is_one(both: Path) -> None:
     figures = json.loads(sniffer("stats", both, "--format", "json").out)
-    jsonschema.validate(figures, SCHEMA)
+    hold_to("stats", figures)
     for bus in figures["buses"]:
         known = {"arm": {1: LONG, 2: "wrist"}, "leg": {2: "ankle"}}[bus["bus"]]
         for key in ("commands", "servos", "anomalies"):
@@ -137,8 +135,7 @@ def test_causes_and_what_was_found_name_the_servos(both: Path) -> None:
 
 def test_what_programs_read_of_a_diagnosis_has_names_beside_ids_and_no_others(both: Path) -> None:
     told = json.loads(sniffer("diagnose", both, "--format", "json").out)
-    schema = json.loads(schema_path("diagnosis.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(told, schema)
+    hold_to("diagnosis", told)
     findings = [(i["bus"], f) for i in told["incidents"] for f in i["findings"]]
     known = {("arm", 1): LONG, ("arm", 2): "wrist", ("leg", 2): "ankle"}
     assert {("arm", 1), ("arm", 2)} <= {(bus, f["servo_id"]) for bus, f in findings}
@@ -320,8 +317,7 @@ def test_differences_of_two_runs_name_the_servos(tmp_path: Path) -> None:
     assert told.status == 1
     assert "bus0 servo 3 elbow: it is asked in A only" in told.out
     found = json.loads(sniffer(*asked, "--format", "json").out)
-    schema = json.loads(schema_path("diff.schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(found, schema)
+    hold_to("diff", found)
     for one in found["differences"]:
         assert one.get("servo_name") == ("elbow" if one["servo_id"] == 3 else None)
 

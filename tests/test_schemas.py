@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
@@ -13,10 +12,10 @@ import pytest
 
 from sniffer.cli.doctor import doctor
 from sniffer.cli.ports import show
-from sniffer.ground.registers import schema_path
 from sniffer.protocols import PROTOCOLS
 from tests.commands import records, within
 from tests.golden import CAPTURES
+from tests.schemas import hold_to
 from tests.test_ports_list import FTDI, NATIVE
 
 if TYPE_CHECKING:
@@ -29,13 +28,11 @@ MODELS: Final = [m.model for name in PROTOCOLS.built_in for m in PROTOCOLS[name]
 
 
 def validated(name: str, rows: Sequence[dict[str, Any]]) -> None:
-    schema = json.loads(schema_path(f"{name}.schema.json").read_text(encoding="utf-8"))
-    jsonschema.Draft202012Validator.check_schema(schema)
     for row in rows:
-        jsonschema.validate(row, schema)
+        hold_to(name, row)
     broken = {key: value for key, value in rows[0].items() if key != "type"} | {"nothing": 1}
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(broken, schema)
+        hold_to(name, broken)
 
 
 @pytest.mark.parametrize("model", MODELS)

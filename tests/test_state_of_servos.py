@@ -8,7 +8,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 
 import sniffer
@@ -16,9 +15,9 @@ from sniffer.ground.registers import schema_path
 from tests.commands import within
 from tests.golden import captures
 from tests.lists import in_turn
+from tests.schemas import hold_to
 from tests.streams.mightyzap import packet
 
-SCHEMA = json.loads(schema_path("state.schema.json").read_text(encoding="utf-8"))
 SAMPLES = Path(__file__).parents[1] / "sample_captures"
 CLEAN = SAMPLES / "mightyzap_clean.log"
 Capsys = pytest.CaptureFixture[str]
@@ -29,7 +28,7 @@ def told(capsys: Capsys, *arguments: str | Path) -> list[dict[str, Any]]:
     assert ran.status == 0, ran.err
     records = [json.loads(line) for line in ran.out.splitlines()]
     for record in records:
-        jsonschema.validate(record, SCHEMA)
+        hold_to("state", record)
     return records
 
 

@@ -10,7 +10,6 @@ import math
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
-import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,7 +18,6 @@ from hypothesis import strategies as st
 import sniffer
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import Chunk, Clock
-from sniffer.ground.registers import schema_path
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import ends_goal
 from sniffer.simulation.buses import BUSES
@@ -30,13 +28,12 @@ from tests.commands import Ran, within
 from tests.golden import CAPTURES, captures
 from tests.lists import in_turn
 from tests.recordings import talk
+from tests.schemas import hold_to
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-SCHEMA = json.loads(schema_path("stats.schema.json").read_text(encoding="utf-8"))
 
 DAMAGED = [path for path in captures() if "damaged" in path.name]
 
@@ -59,7 +56,7 @@ class Counting:
         done = self.says(*arguments, "--format", "json")
         assert done.status == 0, done.err
         found: dict[str, Any] = json.loads(done.out)
-        jsonschema.validate(found, SCHEMA)
+        hold_to("stats", found)
         (bus,) = found["buses"]
         return dict(bus)
 

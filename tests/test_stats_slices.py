@@ -9,7 +9,6 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-import jsonschema
 import pytest
 
 import sniffer
@@ -17,7 +16,7 @@ from sniffer.ground.model import NS, SnifferError
 from sniffer.statistics.slices import COUNTED, QUANTILES
 from tests.commands import records, two_buses, within
 from tests.golden import captures
-from tests.test_stats import SCHEMA
+from tests.schemas import hold_to
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -83,7 +82,7 @@ def test_slices_have_what_a_slow_count_of_the_rows_has(
     path = two_buses(tmp_path / "two.log", DAMAGED)
     rows = records(within(capsys, "decode", path, "--format", "jsonl").out)
     told = json.loads(within(capsys, "stats", path, "--every", every, "--format", "json").out)
-    jsonschema.validate(told, SCHEMA)
+    hold_to("stats", told)
     for bus in told["buses"]:
         assert in_slices(bus) == by_hand(rows, bus["bus"], width)
         shares = [n * 10 / 57600 / (width / NS) for n in bus["slices"]["bytes"]]
@@ -135,7 +134,7 @@ def test_response_times_of_a_slice_lie_within_what_a_sort_of_them_tells(
     rows += [row for row in frames if row["type"] == "frame"]
     argv: tuple[str | Path, ...] = ("stats", path, *asked, "--every", every)
     told = json.loads(within(capsys, *argv, "--format", "json").out)
-    jsonschema.validate(told, SCHEMA)
+    hold_to("stats", told)
     table = [*csv.DictReader(io.StringIO(within(capsys, *argv, "--format", "csv").out))]
     for bus in told["buses"]:
         slices = bus["slices"]

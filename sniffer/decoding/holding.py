@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.ground.framing import Block
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.protocols.base import BusProtocol
 
@@ -73,3 +73,29 @@ def held(protocol: BusProtocol, tries: Sequence[bytes], sizes: Sequence[int]) ->
     ended = np.append(spans.end, -1)[np.minimum(row, len(spans))] == ends
     whole: list[bool] = (ended & (covered == length) & (ends - last == sizes)).tolist()
     return whole
+
+
+def mended(
+    protocol: BusProtocol,
+    torn: Mapping[bytes, int],
+    tries: Callable[[bytes], list[bytes]],
+    least: float,
+) -> set[bytes]:
+    """Return which torn frames are frames by one of their tries.
+
+    Args:
+        protocol: of which they are.
+        torn: how often each of them came.
+        tries: what each may have been.
+        least: none are told, and no more are tried, where all that are left came less often.
+    """
+    out, left = set[bytes](), sum(torn.values())
+    for got, times in torn.items():
+        meant = tries(got)
+        if any(held(protocol, meant, [len(one) for one in meant])):
+            out.add(got)
+        else:
+            left -= times
+        if left < least:
+            return set()
+    return out

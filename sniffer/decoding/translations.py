@@ -12,11 +12,12 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.holding import between, held, kept, spans_in
+from sniffer.decoding.holding import between, kept, mended, spans_in
 from sniffer.decoding.texts import (
     CR,
     LF,
@@ -314,24 +315,24 @@ def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
     if sum(counts.values()) < LEAST_MENDED:
         return None
     seen = set(head)
-    common = [got for got, _ in counts.most_common(TRIED)]
-    of = sum(counts[got] for got in common)
-    ways: list[tuple[str, str, list[list[bytes]]]] = []
+    common = dict(counts.most_common(TRIED))
+    of = sum(common.values())
+    ways: list[tuple[str, str, Callable[[bytes], list[bytes]]]] = []
     for swap in SWAPPED:
         if swap.meant not in seen and swap.wrote in seen:
             told = f"hold with {swap.meant:02X} for a {swap.wrote:02X}"
-            ways.append((swap.what, told, [_swaps(got, swap) for got in common]))
+            ways.append((swap.what, told, partial(_swaps, swap=swap)))
     for swallowed in SWALLOWED:
         values = [v for v in swallowed.values if v not in seen]
         if values:
             told = f"hold with {' or '.join(f'{v:02X}' for v in values)} put in"
-            ways.append((swallowed.what, told, [_filled(got, values) for got in common]))
+            ways.append((swallowed.what, told, partial(_filled, values=values)))
     for what, told, tries in ways:
-        good = {got for got, own in zip(common, tries, strict=True) if _holds(protocol, own)}
-        mended = sum(counts[got] for got in good)
-        if len(good) >= DIFFERENT and mended >= max(LEAST_MENDED, MENDED * of):
+        good = mended(protocol, common, tries, max(LEAST_MENDED, MENDED * of))
+        if len(good) >= DIFFERENT:
             at = tuple((at, len(got)) for at, got in torn if got in good)[:3]
-            shown = f"{mended} of {of} torn frames {told}, which is never seen"
+            n = sum(common[got] for got in good)
+            shown = f"{n} of {of} torn frames {told}, which is never seen"
             return Translated(what, shown, at)
     return None
 
@@ -378,10 +379,6 @@ def _filled(got: bytes, values: Sequence[int]) -> list[bytes]:
             pieces = (got[a:b] for a, b in itertools.pairwise(edges))
             out.append(bytes((value,)).join(pieces))
     return out
-
-
-def _holds(protocol: BusProtocol, tries: Sequence[bytes]) -> bool:
-    return any(held(protocol, tries, [len(one) for one in tries]))
 
 
 def _replaced(head: bytes) -> Translated | None:

@@ -23,7 +23,7 @@ from sniffer.ground.units import word_of
 from sniffer.protocols.ids import leading_ids
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence, Set
 
     from sniffer.diagnosis.ledger.damage import Damage
     from sniffer.diagnosis.ledger.ledger import Ledger
@@ -326,14 +326,16 @@ class Case:
 
     def settings(self, *quantities: str, servo_id: int | None = None) -> Happenings:
         """Return changes of settings, of registers whose quantity, name or effect is among some."""
-        h = self.happenings
-        registers = [
-            i
-            for i, r in enumerate(self.protocol.registers)
-            if not quantities or {r.quantity, r.name, r.effect} & set(quantities)
-        ]
-        mine = (h.kind == SETTING) & among(h.what, registers)
+        h, some = self.happenings, frozenset(quantities)
+        mine = h.kind == SETTING
+        if some:
+            mine[mine] = self._are_among(some)[h.what[mine]]
         return h.take(self._of(h, mine, servo_id))
+
+    def _are_among(self, some: Set[str]) -> Mask:
+        """Tell of each register whether its quantity, name or effect is among some."""
+        names = ((r.quantity, r.name, r.effect) for r in self.protocol.registers)
+        return np.array([not some.isdisjoint(of) for of in names], bool)
 
     def registers_of(self, servo_id: int, quantity: str) -> list[Register]:
         """Return the registers of a quantity that a servo may have, by its model if it is known."""

@@ -96,6 +96,12 @@ _LOOSE: Final = later(
 )
 """A direction at the begin of a line with anything behind it, so that what is no byte is told."""
 
+_LETTERS: Final = {word[0] for word in (*SENT, *HEARD, *ASKING, *ANSWERING)}
+_BEGINNINGS: Final = frozenset(
+    sign.encode() for letter in _LETTERS for sign in (letter, letter.upper(), *"[(<>-")
+)
+"""What a direction begins with: a letter of its word, a bracket around that, or an arrow."""
+
 _OF_BYTES: Final = b"0123456789abcdefABCDEFxX ,:-\r"
 _BACK: Final = later(STAMP.pattern + rb"<-.*")
 _MARK: Final = later(
@@ -217,6 +223,8 @@ def way_of(text: bytes) -> Direction:
 
 
 def _first(text: bytes) -> re.Match[bytes] | None:
+    if text[:1] not in _BEGINNINGS:
+        return None
     return _STRICT.match(text) or _LOOSE.match(text)
 
 

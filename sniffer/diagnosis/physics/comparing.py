@@ -35,7 +35,8 @@ def alike(a: bytes, b: bytes) -> int:
 
 def bits_wrong(got: bytes, meant: bytes) -> int:
     """Return how many bits differ, of the bytes that both have."""
-    return sum((a ^ b).bit_count() for a, b in zip(got, meant, strict=False))
+    n = min(len(got), len(meant))
+    return (int.from_bytes(got[:n], "big") ^ int.from_bytes(meant[:n], "big")).bit_count()
 
 
 def is_altered(got: bytes, whole: bytes, still: float = ALTERED) -> bool:

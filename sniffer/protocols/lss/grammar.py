@@ -11,6 +11,7 @@ is each model's own.
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -59,6 +60,10 @@ LONGEST: Final = 96
 """Longest line in bytes, mark and CR included: a command of this protocol has 40 at most even with
 three modifiers, client libraries have room for 31; the rest is margin. It bounds what a lost CR
 can hold back."""
+
+LINES: Final = 1 << 10
+"""Lines of which is kept how they read: a bus repeats itself, and a line is read three times, for
+its end, its fields and its values."""
 
 ID_DIGITS: Final = 3
 WORD_LETTERS: Final = 13
@@ -276,6 +281,7 @@ def query_form(word: str) -> str:
     return word if word.startswith("Q") or len(word) == WORD_LETTERS else "Q" + word
 
 
+@functools.lru_cache(LINES)
 def fitting(raw: bytes) -> tuple[Any, Any] | None:
     """Return the grammar that a line fits, and what it made of it; None where none fits.
 

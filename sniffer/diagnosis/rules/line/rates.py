@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import U8, Mask
+    from sniffer.ground.model import I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
@@ -190,7 +190,9 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
         return
     # a loop that says little may have bits alike in all it says; what noise does to it, has not
     unclaimed = np.frombuffer(b"".join(run.data for run in case.ledger.unclaimed.runs), np.uint8)
-    fitting = [times for times in TIMES if _fits(_twice(times), head, unclaimed)]
+    counts = [np.bincount(some, minlength=256) for some in (head, unclaimed)]
+    fit = {ways for ways in set(map(_twice, TIMES)) if _fits(ways, *counts)}
+    fitting = [times for times in TIMES if _twice(times) in fit]
     if not fitting:
         return
     rate = case.baud
@@ -221,21 +223,21 @@ Pairs = tuple[int, ...]
 """Bits that are read as those before them, by these."""
 
 
-def _fits(ways: Sequence[Pairs], *data: U8) -> bool:
+def _fits(ways: Sequence[Pairs], *counts: I64) -> bool:
     """Tell whether all bytes are as one of some ways has it, or each as any of them.
 
-    Not where there is no way: then no bit is read twice, or not by every receiver.
+    Not where there is no way: then no bit is read twice, or not by every receiver. Of each part of
+    the bytes it is told how often each value comes, and of all of them first.
     """
     if not ways:
         return False
-    count = np.bincount(data[0], minlength=256)
     alike: list[Mask] = [_PAIRS[:, list(way)].sum(1) == 0 for way in ways]
-    if np.count_nonzero(count) >= MANY:
+    if np.count_nonzero(counts[0]) >= MANY:
         alike.append(np.logical_or.reduce(alike))
     others = [k for k in range(7) if not any(k in way for way in ways)]
-    differ = np.count_nonzero(_PAIRS[:, others] * count[:, None], axis=0)
+    differ = np.count_nonzero(_PAIRS[:, others] * counts[0][:, None], axis=0)
     return bool((differ >= UNLIKE).all()) and any(
-        all(mine[some].mean() >= 1 - NOISE for some in data if len(some)) for mine in alike
+        all(count[mine].sum() >= (1 - NOISE) * count.sum() for count in counts) for mine in alike
     )
 
 

@@ -67,7 +67,7 @@ itself."""
 
 def streams_apart(case: Case) -> Iterator[Finding]:
     """Find two kinds of requests whose rhythms do not go together."""
-    best = least_together(case) if case.has_clock else None
+    best = case.once(least_together) if case.has_clock else None
     if best is None:
         return
     together, one, other, period, first, last = best
@@ -139,11 +139,16 @@ def _apart(t: I64, kind: I64, latency_ns: int) -> tuple[float, int, int, float, 
 
 
 def _together(since: F64) -> float:
-    """Return how much places in a period are alike, or in a part of it: 1 all, 0 not at all."""
+    """Return how much places in a period are alike, or in a part of it: 1 all, 0 not at all.
+
+    Of places that go together it is not looked how much the rest of the parts has of that.
+    """
     turn = np.exp(2j * np.pi * since)
     power, most = turn, 0.0
     for _ in range(HARMONICS):  # a product takes a twentieth of what an exponential does
         most = max(most, float(abs(power.mean())))
+        if most >= APART:
+            break
         power = power * turn
     return most
 

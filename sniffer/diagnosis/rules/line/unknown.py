@@ -112,6 +112,8 @@ def _form_of(head: bytes, header: bytes) -> _Form | None:
     for place in PLACES:
         for more in MORE:
             ends = at + data[at + place] + more
+            if np.count_nonzero(np.isin(ends, at)) < LEAST:
+                continue
             kept = _in_a_row(at, ends)
             whole = np.isin(ends[kept], at[kept])
             n, of = int(whole.sum()), len(kept)
