@@ -69,13 +69,18 @@ class LostAnswers:
 
     @property
     def outages(self) -> int:
-        """How often it lost something: of who misses all that he loses, stretches of requests."""
-        return self.moments if self.torn else self._times_away
+        """How often it lost something: of who misses all that it loses, stretches of requests."""
+        return self._times_away if self._is_away else self.moments
 
     @property
     def told(self) -> str:
         """The same in words."""
-        return counted(self.outages, "moment" if self.torn else "outage")
+        return counted(self.outages, "outage" if self._is_away else "moment")
+
+    @property
+    def _is_away(self) -> bool:
+        """Whether all that it loses is missing, and not for the question that it does not know."""
+        return self._times_away > 0 and not self.torn
 
     def apart(self, times: I64) -> Mask:
         """Tell of losses (sorted) which are not of the same moment as the one before.
