@@ -1,4 +1,4 @@
-"""How fast a program goes around a pause: what its rests usually are, on both sides and on each."""
+"""How fast a program goes around a pause: what its rests usually are, and whether there was one."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ MOSTLY: Final = 0.7
 SIDE: Final = 4
 """Quarter seconds that tell what was usual before a pause, or behind it."""
 
+AT_ONCE: Final = 64
+"""Requests that are looked at behind a pause."""
+
 PACES: Final = 4
 """How many times as long as on the other side the rests on one side of a pause mostly are where a
 program does something else behind it."""
@@ -30,6 +33,37 @@ program does something else behind it."""
 
 ITS_KIND: Final = 0.25
 """Part of the pause that the rests of what takes its time have at least."""
+
+
+def rests_of(case: Case) -> Sequence[Pause]:
+    """Return the longest pauses, each less what the stamps behind it are late by.
+
+    A line carries no more bytes than its rate. Where more stand behind a pause, with one stamp or
+    hardly later ones, they were held up, and were said in the pause. What stands so behind most of
+    the pauses is how a program hands its requests over.
+    """
+    return case.once(_rests)
+
+
+def _rests(case: Case) -> Sequence[Pause]:
+    pauses, exchanges = case.ledger.exchanges.pauses, case.ledger.exchanges
+    asked = np.array([len(example) for example in exchanges.kinds.example], np.int64)
+    told = np.flatnonzero(exchanges.answer_lengths)
+    answered = [exchanges.turns.count(k) > 0 for k in range(len(asked))]
+    size = asked + (int(told[0]) if len(told) else 0) * np.array(answered, np.int64)
+    late = np.zeros(len(pauses), np.int64)
+    for t, kind in exchanges.moments.stretches():
+        said = np.concatenate([[0], np.cumsum(np.where(kind >= 0, size[kind], 0))[:-1]])
+        ahead = said * case.ledger.byte_ns - t
+        rows = np.searchsorted(t, [p.t_ns + p.sure_ns for p in pauses])
+        for n, row in enumerate(rows.tolist()):
+            if 0 < row < len(t):
+                late[n] = int(ahead[row : row + AT_ONCE].max() - ahead[row])
+    usual = int(np.median(late)) if len(late) else 0
+    return [
+        p._replace(sure_ns=p.sure_ns - max(by - usual, 0))
+        for p, by in zip(pauses, late.tolist(), strict=True)
+    ]
 
 
 def usual_around(case: Case, pause: Pause) -> float:

@@ -28,7 +28,12 @@ from sniffer.diagnosis.evidence.cycles import (
     without_slower_loops,
 )
 from sniffer.diagnosis.evidence.order import Order
-from sniffer.diagnosis.evidence.paces import is_between_paces, is_of_slower_loop, usual_around
+from sniffer.diagnosis.evidence.paces import (
+    is_between_paces,
+    is_of_slower_loop,
+    rests_of,
+    usual_around,
+)
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import MS, NS, Clock, MarkKind
@@ -218,7 +223,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         least = max(least, usual + TAIL * uneven.value("late_ns"))
     if usual > SLOWEST_NS or is_by_hand(case):
         return
-    rests = case.ledger.exchanges.pauses
+    rests = rests_of(case)
     longer = [p for p in rests if p.sure_ns >= LONGER * usual]
     by_plan = planned(case, longer)
     stalls = [p for p in rests if p.sure_ns >= least and p.at not in by_plan]

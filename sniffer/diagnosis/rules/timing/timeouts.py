@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.cycles import ALIKE, LONGER, STALL_NS, is_by_hand
 from sniffer.diagnosis.evidence.order import Order
+from sniffer.diagnosis.evidence.paces import rests_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.timing.pace import damaged_at, is_explained
 from sniffer.ground.model import MS
@@ -72,7 +73,7 @@ def waits_alike(case: Case) -> Iterator[Finding]:
     usual = rest.high
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
     damaged = damaged_at(case)
-    longer = (p for p in exchanges.pauses if p.sure_ns >= least)
+    longer = (p for p in rests_of(case) if p.sure_ns >= least)
     # who is not understood, or not heard, is waited for in vain
     long = [p for p in sorted(longer, key=lambda p: p.t_ns) if not is_explained(p, damaged, usual)]
     if not LEAST <= len(long) <= SELDOM * case.total("asked"):
