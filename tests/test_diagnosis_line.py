@@ -36,6 +36,7 @@ from tests import servos
 from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.interludes import torn_on_one_side, updated
 from tests.test_diagnosis_by_supply import altered_answers
 from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
 from tests.test_diagnosis_shapes import without_blocks
@@ -247,6 +248,8 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "near rate": lambda: as_other("rs30x", 128 / 115.2),
         "wrong lengths": lambda: codes(alone("rs30x", longer).diagnosed()),
         "no blocks": lambda: codes(without_blocks(never=True).diagnosed()),
+        "a loader": lambda: codes(updated("mightyzap").diagnosed()),
+        "one side alone": lambda: codes(torn_on_one_side().diagnosed()),
         "altered answers": lambda: codes(altered_answers().diagnosed()),
     }
 )
@@ -259,6 +262,8 @@ def of(fault: str) -> frozenset[str]:
 
 TOLD: Final = (
     ("damage-everywhere", "noise", "held driver"),
+    ("damage-undecided", "one side alone", "noise"),
+    ("spoken-between", "a loader", "noise"),
     ("damage-one-servo", "fast clock", "noise"),
     ("damage-in-answers", "held driver", "noise"),
     ("damage-in-requests", "early release", "held driver"),
