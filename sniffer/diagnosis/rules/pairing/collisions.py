@@ -73,6 +73,10 @@ FINDINGS: Final = (
     ),
 )
 
+CROSSED: Final = 0.3
+"""How much it counts that requests behind a servo's exchanges are torn, and nothing else is told: what
+a clock that is off, or a driver that comes on late, makes of its one answer lies over them as well."""
+
 NOW_AND_THEN: Final = 0.1
 """Part of a servo's exchanges in which it may answer twice without a twin: who answers each request
 is heard oftener, but for what collides."""
@@ -130,6 +134,7 @@ def answers_twice(case: Case) -> Iterator[Finding]:
         # where a second answer stands tells whose it is by its bytes, or by a time that is known
         told_by = twin.torn or twin.foreign or twin.behind or twin.mixed
         may_be = () if told_by else _asked_before(case, servo)
+        sure = min(0.5 + twin.twice / 20, 1.0) * (CROSSED if len(twin.crossed) == twin.twice else 1)
         yield Finding(
             "answers-twice",
             servo,
@@ -144,7 +149,7 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             ),
             tuple(Place(*trace, "a trace of a second answer") for trace in traces[:2])
             + case.places(events, "a second answer", 2),
-            strength=min(0.5 + twin.twice / 20, 1.0),
+            strength=sure,
             brief=f"servo {servo} answers {twin.twice} requests twice",
             may_be=may_be,
         )
