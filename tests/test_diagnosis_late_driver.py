@@ -1,4 +1,4 @@
-"""A wCK whose driver comes on a third of a byte late: its one answer is torn, and nothing comes twice.
+"""A wCK whose driver comes on a third of a byte late: its one answer is torn, no second one comes.
 
 ``data/wck_driver_late.log.gz`` is a line by its bits: a controller of five servos at 115200, each
 answer of servo 4 without the first 0.3 byte times, the controller waiting 20 ms where one is torn.
