@@ -49,16 +49,24 @@ def test_one_outage_is_told_alike_however_often_a_servo_is_asked(
     assert finding.what.endswith("; 3 of 3 others answered all that they were asked meanwhile")
 
 
-@pytest.mark.parametrize("rest_ms", [20, 100])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_an_outage_that_has_not_ended_with_the_capture_is_no_dead_servo(
-    protocol: str, rest_ms: float
-) -> None:
-    diagnosis = looped(protocol, lambda s, t: s == 2 and t >= 9.5, 10, rest_ms).diagnosed()
+def test_an_outage_that_has_not_ended_with_the_capture_is_no_dead_servo(protocol: str) -> None:
+    diagnosis = looped(protocol, lambda s, t: s == 2 and t >= 9.5, 10, 100).diagnosed()
     (incident,) = diagnosis.incidents()
     assert (incident.cause, incident.servo_ids) == ("servo-outage", (2,))
     assert incident.severity == Severity.WARN
     assert "servo 2 silent to the end, for 0." in incident.story
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_of_a_servo_that_has_just_fallen_silent_nobody_is_sure_that_it_is_dead(
+    protocol: str,
+) -> None:
+    """Many requests in little time: no accident, and it may start anew."""
+    diagnosis = looped(protocol, lambda s, t: s == 2 and t >= 9.5, 10, 20).diagnosed()
+    (incident,) = diagnosis.incidents()
+    assert (incident.cause, incident.servo_ids) == ("servo-dead", (2,))
+    assert 40 <= incident.causes[0].percent < 85
 
 
 @pytest.mark.parametrize("rest_ms", [20, 1000])

@@ -9,7 +9,7 @@ from sniffer.diagnosis.evidence.questions import is_one_question
 from sniffer.diagnosis.evidence.told import told_to_start
 from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH, LEAST
-from sniffer.ground.model import NEVER_NS
+from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 AGAIN: Final = 3
 """Silences that are a habit."""
+
+JUST_NS: Final = NS // 4
+"""A silence that has not ended, of a few requests, is told from so long on."""
 
 TOGETHER: Final = 4
 """So many times fewer stretches of losses than single ones make are no chance, however much is
@@ -68,6 +71,9 @@ def _no_chance_to_the_end(case: Case, servo: int) -> Silence | None:
     last = case.ledger.silences.ending(servo)
     if last is None or last.missed < 2 or is_one_question(case, servo, last):
         return None
+    has_begun = case.has_clock and case.last_ns - last.first_ns < JUST_NS
+    if has_begun and last.missed < ENOUGH:
+        return None  # the next request may be answered
     is_alone = not case.ledger.silences.runs(servo)
     return last if last.missed >= LEAST or is_alone else None
 
@@ -90,11 +96,11 @@ def seldom_away(case: Case, servo: int) -> Sequence[Silence]:
 
 
 def is_for_good(case: Case, last: Silence) -> bool:
-    """Tell whether a silence until the end is longer than any start takes.
+    """Tell whether a silence until the end is no accident, by the requests in it.
 
-    Without a clock it is told by the requests in it.
+    Or by its time, where it is longer than any start takes.
     """
-    if not case.has_clock:
+    if last.missed >= ENOUGH or not case.has_clock:
         return last.missed >= ENOUGH
     return last.missed >= LEAST and case.last_ns - last.first_ns >= START_NS
 

@@ -20,7 +20,6 @@ from sniffer.diagnosis.evidence.outages import (
     seldom_away,
 )
 from sniffer.diagnosis.evidence.told import told_to_start
-from sniffer.diagnosis.ledger.excused import START_NS
 from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
@@ -98,6 +97,11 @@ which on not."""
 SELDOM: Final = 1e-4
 """How likely they may be so even by chance where that counts in full."""
 
+GONE_NS: Final = NS
+SOON: Final = 0.35
+"""How long a silence that goes on counts in full, and how much one does that has just begun: most
+starts are over by then."""
+
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
 
@@ -139,9 +143,7 @@ def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
         + (f" in {took}" if case.has_clock else "")
         + ("; it was told to start anew just before" if ordered else ""),
         (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
-        strength=min(took_ns / START_NS if case.has_clock else s.missed / ENOUGH, 1.0)
-        if is_short
-        else 1.0,
+        strength=min(max(took_ns / GONE_NS, SOON), 1.0) if case.has_clock else 1.0,
         brief=_gone(case, gone_with(case, servo, s)),
     )
 
