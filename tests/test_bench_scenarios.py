@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import statistics
 from collections import defaultdict
 from typing import TYPE_CHECKING, Final
@@ -62,6 +63,13 @@ def is_silent(it: Seen, truth: Truth, after_s: float) -> bool:
     """Tell whether servos are asked, and never answer, from then on."""
     asked = asked_of(it, truth, after_s)
     return len(asked) > 2 and not any(took for _, took in asked)
+
+
+def is_away_once(it: Seen, truth: Truth) -> bool:
+    """Tell whether a servo answers nothing for a while, and answers before and behind it."""
+    told = [took is not None for _, took in asked_of(it, truth, -1e9)]
+    whole = "".join("x" if is_there else "." for is_there in told)
+    return re.search(r"x\.{2,}(x|$)", whole) is not None
 
 
 def span(values: list[int]) -> int:
@@ -184,6 +192,7 @@ SYMPTOMS: Final[Mapping[str, Callable[[Seen, Truth, str], bool]]] = {
     "brownout": lambda it, truth, name: sags(it, truth),
     "servo-reset-loop": lambda it, truth, name: restarts(it, truth),
     "servo-dead": lambda it, truth, name: is_silent(it, truth, 0.3),
+    "servo-outage": lambda it, truth, name: is_away_once(it, truth),
     "servo-absent": lambda it, truth, name: is_silent(it, truth, 0),
     "slow-servo": lambda it, truth, name: is_slow(it, truth),
     "id-changed": lambda it, truth, name: is_silent(it, truth, 0.6),

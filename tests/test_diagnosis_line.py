@@ -40,6 +40,7 @@ from tests.interludes import torn_on_one_side, updated
 from tests.test_diagnosis_by_supply import altered_answers
 from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
 from tests.test_diagnosis_shapes import without_blocks
+from tests.test_diagnosis_worse import losing
 from tests.test_sums import alone, longer
 
 if TYPE_CHECKING:
@@ -250,6 +251,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "no blocks": lambda: codes(without_blocks(never=True).diagnosed()),
         "a loader": lambda: codes(updated("mightyzap").diagnosed()),
         "one side alone": lambda: codes(torn_on_one_side().diagnosed()),
+        "worn contact": lambda: codes(losing(gets_worse=True).diagnosed()),
         "altered answers": lambda: codes(altered_answers().diagnosed()),
     }
 )
@@ -296,6 +298,7 @@ TOLD: Final = (
     ("rhythms-meet", "two of one period", "two loops"),
     ("comes-and-goes", "contact", "noise"),
     ("lost-together", "loose branch", "contact of one"),
+    ("lost-more-and-more", "worn contact", "contact of one"),
     ("away-unevenly", "contact", "restarts"),
     ("away-alike", "restarts", "contact"),
     ("back-too-soon", "single losses", "restarts"),

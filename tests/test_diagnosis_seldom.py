@@ -43,8 +43,10 @@ def test_one_outage_is_told_alike_however_often_a_servo_is_asked(
 ) -> None:
     diagnosis = looped(protocol, lambda s, t: s == 2 and 8 <= t < 8.5, 16, rest_ms).diagnosed()
     (incident,) = diagnosis.incidents()
-    assert (incident.cause, incident.servo_ids) == ("servo-outage", (2,))
-    assert (incident.severity, incident.count) == (Severity.WARN, 1)
+    # nothing is known of its supply: it may have started anew
+    assert [ranked.cause for ranked in incident.likely] == ["brownout", "servo-outage"]
+    assert incident.causes[0].percent < 60
+    assert (incident.servo_ids, incident.count) == ((2,), 1)
     (finding,) = (f for f in found(diagnosis) if f.code == "away-seldom")
     assert finding.what.endswith("; 3 of 3 others answered all that they were asked meanwhile")
 

@@ -11,10 +11,8 @@ from tests.conversations import BAUD, Conversation, robot, swinging
 from tests.diagnosed import codes, diagnosed, found, verdicts
 
 
-@pytest.mark.parametrize("gets_worse", [False, True])
-def test_a_servo_that_loses_more_and_more_answers_is_told_so_by_quarters(
-    *, gets_worse: bool
-) -> None:
+def losing(*, gets_worse: bool) -> Conversation:
+    """Return a loop in which one servo loses answers: more and more of them, or a few all along."""
     rng = random.Random(9)
     talk = Conversation("mightyzap")
     for k in range(1500):
@@ -25,7 +23,14 @@ def test_a_servo_that_loses_more_and_more_answers_is_told_so_by_quarters(
             else:
                 talk.read(servo, swinging(servo, talk.now_s))
         talk.rest(15)
-    told = talk.diagnosed()
+    return talk
+
+
+@pytest.mark.parametrize("gets_worse", [False, True])
+def test_a_servo_that_loses_more_and_more_answers_is_told_so_by_quarters(
+    *, gets_worse: bool
+) -> None:
+    told = losing(gets_worse=gets_worse).diagnosed()
     (lost,) = (f for f in found(told) if f.code == "comes-and-goes")
     more = [f.what for f in found(told) if f.code == "lost-more-and-more"]
     assert [what.startswith("servo 2 loses more and more: 0, ") for what in more] == [

@@ -152,10 +152,13 @@ def test_how_causes_were_weighed_names_the_servos() -> None:
 
 def test_what_no_cause_explains_is_told_with_names_of_its_bus(tmp_path: Path) -> None:
     from sniffer.decoding.called import ServoNames
-    from sniffer.diagnosis.rest import Rest
+    from sniffer.diagnosis.rest import Rest, Unexplained
 
-    parts = ("arm", "2 x a (servo 1) on arm"), ("leg", "3 x b (servos 1, 2)")
-    rest = Rest(", ".join(words for _, words in parts), parts=parts)
+    parts = (
+        Unexplained("arm", "a", 2, (1,), "2 x a (servo 1) on arm"),
+        Unexplained("leg", "b", 3, (1, 2), "3 x b (servos 1, 2)"),
+    )
+    rest = Rest(", ".join(part.words for part in parts), parts=parts)
     names = ServoNames({("arm", 1): "elbow", ("leg", 2): "knee"})
     assert rest.named(names).told == "2 x a (servo 1 elbow) on arm, 3 x b (servos 1, 2 knee)"
     assert rest.named(ServoNames()) is rest

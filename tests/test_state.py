@@ -41,7 +41,7 @@ EVERY = pytest.mark.parametrize("name", NAMES)
 TRANSIENT: Final = frozenset(
     {
         # of one pass: set before they are used in the next one
-        *("_seconds", "_proofs", "_singles", "_held", "turns"),
+        *("_seconds", "_proofs", "_singles", "_before", "_held", "turns"),
         "_names",  # words, looked up once
         *("_keys", "_known"),  # of evidence: stated as ``_counted``, in whatever order
     }

@@ -59,7 +59,7 @@ ALSO_RIGHT: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         # a driver that lets go too early: edges to one, the switching of the direction to another
         "signal-integrity-last-byte": ("turnaround",),
         # it states no voltage: once away, whatever it lacked
-        "brownout-wck": ("servo-outage",),
+        "servo-outage-wck": ("brownout",),
     }
 )
 """By how a scenario's name begins, what is as right in the first place, if the truth is listed."""

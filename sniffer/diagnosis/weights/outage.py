@@ -9,6 +9,10 @@ from sniffer.diagnosis.weights.table import for_
 
 OUTAGE, SELDOM = "servo-outage", "away-seldom"
 
+STARTS_ANEW: Final = "brownout"
+"""What a servo that was away once, and is back, is likeliest to have done where nothing tells that it
+kept its power."""
+
 _SILENCES: Final = ("away-for-a-while", "silent-since")
 
 _EXPLAIN: Final = {
@@ -28,12 +32,12 @@ _EXPLAIN: Final = {
 WEIGHTS: Final = (
     *for_(
         OUTAGE,
-        (SELDOM, 3.0, "it was away once or twice, and that is all"),
+        (SELDOM, 2.0, "it was away once or twice, and that is all"),
         ("away-for-a-while", 0.2, "it is silent meanwhile"),
         ("silent-since", 0.2, "it was away when nobody listened any more"),
         ("no-response", 0.2, "it answers nothing meanwhile"),
-        ("supply-steady", 0.5, "its supply was in order before"),
-        ("torque-survives", 0.5, "it kept its power"),
+        ("supply-steady", 1.2, "its supply was in order before"),
+        ("torque-survives", 1.2, "it kept its power"),
         ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         *(
             (code, 0.1, "it breaks off in an answer")
@@ -75,6 +79,8 @@ WEIGHTS: Final = (
         weight
         for cause, reason in _EXPLAIN.items()
         for weight in for_(cause, (SELDOM, 0.1, reason))
+        if cause != STARTS_ANEW
     ),
+    *for_(STARTS_ANEW, (SELDOM, 1.4, "it starts anew, which takes so long")),
 )
 """One line each."""
