@@ -15,6 +15,7 @@ from construct import (
     Check,
     Checksum,
     Const,
+    FlagsEnum,
     GreedyBytes,
     Int16ub,
     Int16ul,
@@ -89,6 +90,17 @@ def test_a_declaration_of_another_form_is_refused_with_what_to_write(
 ) -> None:
     with pytest.raises(TypeError, match=told):
         Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
+
+
+def test_errors_that_the_answers_of_some_commands_have_alone_are_called_by_their_names() -> None:
+    family = example("herkulex").FAMILY
+    plain = dataclasses.replace(family, feedback=Struct("data" / GreedyBytes))
+    assert Member(plain).status_names(0b101) == ("input_voltage", "temperature")
+    other = Command(
+        "turn", Struct(Terminated), MUST, feedback=Struct("error" / FlagsEnum(Byte, x=1))
+    )
+    with pytest.raises(TypeError, match="differently: one grammar for all, ERROR = FlagsEnum"):
+        Member(dataclasses.replace(family, commands={**family.commands, 0x0A: other}))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,14 @@ from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
-from sniffer.protocols.packets.declare import ANY, Command, bare, field_named
+from sniffer.protocols.packets.declare import (
+    ANY,
+    Command,
+    bare,
+    field_named,
+    flag_bits,
+    numbers,
+)
 from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 
@@ -39,6 +46,25 @@ def check_form(family: PacketFamily) -> None:
     for code, command in family.commands.items():
         _check_command(family, code, command)
     _check_answers(family)
+    _check_errors(family)
+
+
+def _check_errors(family: PacketFamily) -> None:
+    """Check that an error has one name, whatever command it answers."""
+    told = [{**flag_bits(error), **numbers(error)} for error in errors_of(family)]
+    if any(names != told[0] for names in told):
+        _refuse(
+            family,
+            "commands name the bits of their answers' error differently: one grammar for all, "
+            "ERROR = FlagsEnum(...), in each feedback that has it",
+        )
+
+
+def errors_of(family: PacketFamily) -> list[Any]:
+    """Return the fields that are the error of an answer: the family's, and those of commands."""
+    own = (command.feedback for command in family.commands.values())
+    fields = (field_named(g, "error") for g in (family.feedback, *own) if g is not None)
+    return [field for field in fields if field is not None]
 
 
 def _check_numbers(family: PacketFamily) -> None:

@@ -13,6 +13,7 @@ from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+from sniffer.protocols.packets.form import errors_of
 from sniffer.protocols.packets.listed import column
 from sniffer.protocols.packets.survey import size_place, survey
 
@@ -34,7 +35,7 @@ class Words:
         self._size, self._size_place = self.plan.size, size_place(self.plan)
         header, answer = self.plan.header, family.answer_header
         self._heads = (header,) if answer in (b"", header) else (header, answer)
-        error = field_named(family.feedback, "error")
+        error = next(iter(errors_of(family)), None)
         self._bits, self._numbers = flag_bits(error), numbers(error)
         self.error_number = 0xFF & ~sum(family.alerts) if self._numbers and not self._bits else 0
         self.reports = family.reports
