@@ -253,7 +253,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-at-turn", 0.1, "its bytes break into pieces"),
         ("damage-everywhere", 0.1, "pieces of its answers look like frames"),
         ("comes-and-goes", 0.5, "which of its bytes are misread depends on what it says"),
-        ("lost-more-and-more", -2.0, "a clock that is off is so from the beginning on"),
+        ("lost-more-and-more", -0.5, "a clock that is off is mostly so from the beginning on"),
         ("away-without-a-tear", 2.5, "it misreads what it is asked, and is heard well itself"),
         ("misses-now-and-then", 1.0, "it misreads what it is asked"),
         ("no-response", 0.3, "it misreads what it is asked"),
