@@ -34,6 +34,9 @@ REGIMES: Final = 0.75
 """Part of the cycles in three periods: a program that does one thing, then another, has some; a
 loop that trembles has all between."""
 
+PERIOD: Final = 5
+"""Bins that are one period: 3 % to both sides."""
+
 RARE: Final = 0.01
 """Part of the cycles that a length must have to be one of the program's."""
 
@@ -94,14 +97,14 @@ SLOWER: Final = 4
 loop: a program that looks less often now."""
 
 
-def lumps(bins: I64) -> float:
-    """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
+def lumps(bins: I64, wide: int = PERIOD) -> float:
+    """Return the part of all cycles that the fullest three periods have, so many bins each."""
     left, held = bins.copy(), 0
     for _ in range(3):
-        wide = np.convolve(left, np.ones(5, np.int64), "same")
-        top = int(wide.argmax())
-        held += int(wide[top])
-        left[max(top - 2, 0) : top + 3] = 0
+        window = np.convolve(left, np.ones(wide, np.int64))[wide - 1 :]  # from each bin on
+        top = int(window.argmax())
+        held += int(window[top])
+        left[top : top + wide] = 0
     return held / max(int(bins.sum()), 1)
 
 

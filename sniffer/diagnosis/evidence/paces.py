@@ -30,7 +30,6 @@ PACES: Final = 4
 """How many times as long as on the other side the rests on one side of a pause mostly are where a
 program does something else behind it."""
 
-
 ITS_KIND: Final = 0.25
 """Part of the pause that the rests of what takes its time have at least."""
 
@@ -46,7 +45,8 @@ def rests_of(case: Case) -> Sequence[Pause]:
 
 
 def _rests(case: Case) -> Sequence[Pause]:
-    pauses, exchanges = case.ledger.exchanges.pauses, case.ledger.exchanges
+    exchanges = case.ledger.exchanges
+    pauses = exchanges.pauses
     asked = np.array([len(example) for example in exchanges.kinds.example], np.int64)
     told = np.flatnonzero(exchanges.answer_lengths)
     answered = [exchanges.turns.count(k) > 0 for k in range(len(asked))]

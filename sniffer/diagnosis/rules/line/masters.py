@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.evidence.cycles import lumps
 from sniffer.diagnosis.evidence.stamps import EXACT_NS
 from sniffer.diagnosis.ledger.keys import request_key, requested_of
 from sniffer.diagnosis.model import Finding, Place
@@ -53,10 +54,9 @@ EVEN: Final = 0.24
 """What comes sooner is spread: no twentieth of an octave holds more than this part of it. A loop
 that waits for what is missing has a few periods, each of which holds a third or so."""
 
-FEW: Final = 3
 QUARTER: Final = 0.25
 SPREAD: Final = 0.65
-"""Nor do so many windows of a quarter of an octave hold this part of it: spread evenly over its period they
+"""Nor do three windows of a quarter of an octave hold this part of it: spread evenly over its period they
 have 0.45, of ten second controllers 0.45 to 0.61; three loops that wait for what is torn, ask again, and
 read once more now and then have 0.68 and more."""
 
@@ -113,7 +113,7 @@ class _Rhythm(NamedTuple):
     sooner: float
     later: float
     lump: float
-    lumps: float
+    in_few: float
     soonest_ns: float
     times: int
 
@@ -128,7 +128,7 @@ def interleaved(case: Case) -> Iterator[Finding]:
         if r.sooner >= SOONER
         and r.later <= LATER
         and r.lump <= EVEN
-        and r.lumps <= SPREAD
+        and r.in_few <= SPREAD
         and r.soonest_ns < 0.4 * r.period_ns
         and r.period_ns > BLUR * case.latency_ns
         and _beats(case, r)
@@ -282,23 +282,12 @@ def _rhythms(case: Case) -> list[_Rhythm]:
                 sooner / count,
                 behind / count,
                 lump / max(sooner, 1),
-                _in_few(before, int(QUARTER * periods.per_octave)) / max(sooner, 1),
+                lumps(before, int(QUARTER * periods.per_octave)) if len(before) else 0.0,
                 float(edges[min(first, len(edges) - 1)]),
                 count,
             )
         )
     return out
-
-
-def _in_few(bins: I64, wide: int) -> int:
-    """Return how many stand in the few windows that hold most."""
-    left, held = bins.copy(), 0
-    for _ in range(FEW if len(bins) >= wide else 0):
-        window = np.convolve(left, np.ones(wide, np.int64), "valid")
-        top = int(window.argmax())
-        held += int(window[top])
-        left[top : top + wide] = 0
-    return held
 
 
 def _finding(
