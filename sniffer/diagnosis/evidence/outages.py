@@ -100,9 +100,8 @@ def is_for_good(case: Case, last: Silence) -> bool:
 
     Or by its time, where it is longer than any start takes.
     """
-    if last.missed >= ENOUGH or not case.has_clock:
-        return last.missed >= ENOUGH
-    return last.missed >= LEAST and case.last_ns - last.first_ns >= START_NS
+    is_long = case.has_clock and case.last_ns - last.first_ns >= START_NS
+    return last.missed >= (LEAST if is_long else ENOUGH)
 
 
 def away_too(case: Case, servo: int, one: Silence) -> Set[int]:

@@ -20,7 +20,7 @@ FINDINGS: Final = (
     FindingCode(
         "away-seldom",
         "One servo was away once or twice, for requests in a row, and most others were there.",
-        "One or two outages of three requests in a row or more (two, where single ones are not lost), however often it is asked, one loss beside them at most; less than half of the others are away meanwhile. One that lasts until the end is shorter than the longest start of these servos, three seconds.",
+        "One or two outages of three requests in a row or more (two, where single ones are not lost), however often it is asked, one loss beside them at most; less than half of the others are away meanwhile. One that lasts until the end is of fewer than five requests, and longer than a quarter of a second, shorter than the longest start of these servos, three seconds.",
     ),
 )
 

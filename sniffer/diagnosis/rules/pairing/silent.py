@@ -20,7 +20,7 @@ from sniffer.diagnosis.evidence.outages import (
     seldom_away,
 )
 from sniffer.diagnosis.evidence.told import told_to_start
-from sniffer.diagnosis.ledger.silences import ENOUGH, of_one_length
+from sniffer.diagnosis.ledger.silences import of_one_length
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
 from sniffer.ground.wording import between, counted, servos
@@ -123,11 +123,10 @@ def silences(case: Case) -> Iterator[Finding]:
 def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
     """Yield that a servo answers nothing until the end.
 
-    It counts the less the shorter that is, where it may just start anew while others are there.
+    It counts the less the shorter that is: it may just start anew.
     """
     s = ending(case, servo)
-    is_short = s is not None and bool(seldom_away(case, servo))
-    if s is None or not (is_short or s.missed >= ENOUGH or is_for_good(case, s)):
+    if s is None or not (is_for_good(case, s) or seldom_away(case, servo)):
         return
     took_ns = case.last_ns - s.first_ns
     took = f"{took_ns / NS:.3g} s" if case.has_clock else counted(s.missed, "request")
