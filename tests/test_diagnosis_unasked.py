@@ -6,7 +6,8 @@ import random
 
 import pytest
 
-from tests.conversations import Conversation, robot, swinging, through_usb
+from sniffer.diagnosis.physics.uart import both, heard, sent
+from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
 from tests.servos import suffering
 
@@ -65,3 +66,29 @@ def test_bare_second_answers_of_a_servo_go_with_no_other() -> None:
     d = suffering("wck", "duplicate-id:1:20%", 6.0)
     assert "seconds-follow-another" not in codes(d)
     assert verdicts(d.incidents()) == [("duplicate-id", (1,))]
+
+
+def spoken_into() -> Conversation:
+    """Servo 21 has something to say twice a second; mostly the next request begins meanwhile."""
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if cycle % 20 or servo != (22, 37)[cycle // 20 % 2]:
+            return False
+        said = talk.tongue.answer(21, swinging(21, talk.now_s))
+        if cycle % 100 == 60 and cycle < 400:
+            talk.say(said)
+            talk.rest(1)
+            return False
+        begin = 19 + cycle // 20 % 3  # its third byte, which tells 21 from 22, is torn each time
+        talk.say(heard(both(sent(said), sent(talk.tongue.ask(servo), begin=begin), min)))
+        talk.rest(1)
+        return True
+
+    return robot("lss", 16, servos=(21, 22, 37), instead=instead, goals=False)
+
+
+def test_words_that_requests_cut_before_they_say_whose_they_are_go_with_the_whole_ones() -> None:
+    """Ids 21 and 22 begin alike; of whom three were heard whole the others may be, too."""
+    talk = spoken_into()
+    for chunks in (talk.chunks, through_usb(talk.chunks), without_clock(talk.chunks)):
+        assert verdicts(talk.diagnosed(chunks).incidents()) == [("chatty-device", (21,))]

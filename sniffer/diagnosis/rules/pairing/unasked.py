@@ -17,6 +17,7 @@ from sniffer.diagnosis.evidence.signs import SIGN, beginnings, loses_most, sign_
 from sniffer.diagnosis.evidence.twins import torn_by_twins, twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.physics.comparing import alike
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import NS
 
@@ -88,6 +89,9 @@ SURE: Final = 1e-4
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
 
+HEARD: Final = 3
+"""Whole ones of one servo, and none of another, from where on it may have begun others, too."""
+
 USUALLY: Final = 0.5
 """Part of the requests that are answered where the tap hears both sides."""
 
@@ -101,7 +105,11 @@ def chatty(case: Case) -> Iterator[Finding]:
     torn = int(case.damage["n"].sum())
     # what stands right behind a torn request was asked for by it
     ends = {d.at + d.length for d in case.damages if d.turn == IN_REQUEST}
-    pieces = _spoken_into(case)
+    pieces = {**_spoken_into(case)}
+    speaker = _who_alone(unasked)
+    begun_by = _begun_by(case, speaker, pieces) if speaker is not None else {}
+    if speaker is not None:
+        pieces[speaker] = [*pieces.get(speaker, ()), *begun_by]
     for servo in unasked:
         events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
@@ -126,11 +134,17 @@ def chatty(case: Case) -> Iterator[Finding]:
         missing = case.total("missing", servo) + case.total("damaged", servo)
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
         share = shares[servo]
-        is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
+        whole = n - len(begun_by) if servo == speaker else n
+        as_likely = share ** (whole - 1)
+        if servo == speaker:
+            as_likely *= math.prod(
+                sum(shares.get(s, 0.0) for s in some) for some in begun_by.values()
+            )
+        is_sure = not others and as_likely < SURE and case.total("missing", servo) < n / 2
         if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
         # what it says itself tears no requests that it would answer
-        if torn - len(pieces.get(servo, ())) > n and (others or share ** (n - 1) > CHANCE):
+        if torn - len(pieces.get(servo, ())) > n and (others or as_likely > CHANCE):
             continue
         if servo < 0 or not (case.total("ok", servo) or _is_stranger(case, servo)):
             continue
@@ -304,6 +318,42 @@ def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
         for servo, sign in signs.items()
     }
     return {s: () if _answers_so(case, s, pieces) else pieces for s, pieces in found.items()}
+
+
+def _who_alone(unasked: Mapping[int, float]) -> int | None:
+    """Return the one servo that says whole answers unasked, if it is no accident."""
+    said = [servo for servo, n in unasked.items() if n > 0]
+    return said[0] if len(said) == 1 and unasked[said[0]] >= HEARD else None
+
+
+def _begun_by(
+    case: Case, speaker: int, pieces: Mapping[int, Sequence[Damage]]
+) -> Mapping[Damage, Set[int]]:
+    """Return what a speaker may have begun where nobody is asked, with all who may have instead.
+
+    The next request tears an answer before it says whose it is. That it is one its header tells,
+    where requests have another one::
+
+        answer of 21     2A 32 31 51 44 ..
+        request to 22          23 32 32 51 50 0D
+        heard            2A 32 90 88 51 50 0D         it may be of 22 as well, and not of 37
+    """
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
+    headers = {servo: sign_of(own, requests) for servo, own in begins.items()}
+    known = {d.at for some in pieces.values() for d in some}
+    found = {}
+    for d in case.damages:
+        if d.at in known or not _is_into_request(d) or loses_most(case, speaker):
+            continue
+        same = {
+            s: alike(d.got[:-1], begins[s])
+            for s, one in headers.items()
+            if one and d.got.startswith(one)
+        }
+        nearest = {s for s, n in same.items() if n == max(same.values())}
+        if speaker in nearest:
+            found[d] = nearest
+    return found
 
 
 def _answers_so(case: Case, servo: int, pieces: Sequence[Damage]) -> bool:
