@@ -11,6 +11,7 @@ from sniffer.ground.model import Chunk
 from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
+from tests.streams import wck
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -186,6 +187,26 @@ def test_a_position_that_jumps_because_nobody_looked_for_long_does_not_jump() ->
     later = [(t + 3.0, data) for t, data in places(*[k + 1500 for k in SOUND])]
     d = heard([*places(*SOUND[:50]), *later], "mightyzap")
     assert not codes(d) & {"position-jumps", "doubtful-value"}
+
+
+def test_a_position_in_other_numbers_than_its_goals_may_be_there_and_back_within_a_second() -> None:
+    """A wCK tells a second, finer position, which counts from elsewhere, as no goal does."""
+
+    def path(servo: int, s: float) -> float:
+        del servo
+        phase = s % 3.6
+        return 0.2 + 0.6 * min(max(min((phase - 2.6) / 0.3, (3.4 - phase) / 0.3), 0.0), 1.0)
+
+    def look(talk: Conversation, cycle: int) -> None:
+        if cycle % 18 == 12:  # every 450 ms, once in eight times while it is there
+            talk.say(wck.command(7 << 5, 0xC9, bytes([2, 2])))
+            talk.rest(0.3)
+            talk.say(round(200 + 700 * path(2, talk.now_s)).to_bytes(2, "big"))
+            talk.rest(1)
+
+    d = robot("wck", 20, path=path, before=look).diagnosed()
+    assert "position-jumps" not in codes(d)
+    assert not d.incidents()
 
 
 def test_each_goal_that_jumps_and_comes_back_is_one_and_is_shown_itself() -> None:

@@ -122,11 +122,12 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
             ways_back.add(back.at)
             out.append(s)  # whatever it was told
             continue
-        soon = SOON_NS if joint is None else LATER_NS
+        # goals are told in the numbers of one register; another one may count otherwise
+        is_told = joint is not None and joint.position.index == p.index
+        soon = LATER_NS if is_told else SOON_NS
         is_back = comes_back(s, follows, soon) and s.took_ns <= soon
         # who is there and back within moments was not told so a second ago
         before_ns = SOON_NS if is_back and s.took_ns <= SOON_NS else NS
-        is_told = joint is not None and joint.position.index == p.index
         if joint is not None and is_told and _was_told(joint, s, before_ns):
             continue
         if is_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
