@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 from tests.conversations import Conversation, swinging
-from tests.diagnosed import codes
+from tests.diagnosed import codes, verdicts
 
 SERVOS = range(5)
 TIMEOUT_MS = 20
@@ -36,3 +37,30 @@ def read(talk: Conversation, rng: random.Random, servo: int) -> None:
     talk.rest(0.3)
     talk.say(talk.tongue.answer(servo, place)[:1])
     talk.rest(TIMEOUT_MS + rng.uniform(0, 3))
+
+
+def test_requests_behind_answers_that_are_text_come_as_they_are_long_and_are_no_second_rhythm() -> (
+    None
+):
+    """What a turn tears stands behind the last request, which now comes a byte time later."""
+    rng = random.Random(5)
+    talk = Conversation("lss")
+
+    def place(servo: int) -> float:
+        return 0.5 + 0.1 * math.sin((0.4 + 0.1 * servo) * talk.now_s)
+
+    for cycle in range(440):
+        talk.until(cycle * 0.0212)
+        for servo in (1, 2):
+            talk.write(talk.tongue.goal(servo, place(servo)))
+        for servo in (1, 2):
+            talk.say(talk.tongue.ask(servo))
+            if cycle > 140 and rng.random() < 0.3 * servo:
+                talk.rest(0.1)
+                talk.say(b"\x80")
+            talk.rest(0.5)
+            talk.say(talk.tongue.answer(servo, place(servo)))
+            talk.rest(0.4)
+    d = talk.diagnosed()
+    assert "rhythms-meet" not in codes(d)
+    assert verdicts(d.incidents()) == [("turnaround", ())]

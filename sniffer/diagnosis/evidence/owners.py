@@ -26,13 +26,13 @@ from sniffer.diagnosis.evidence.hasty import ends_of_requests
 from sniffer.diagnosis.evidence.heard import heard
 from sniffer.diagnosis.evidence.signs import is_anothers, named_by_header, named_within
 from sniffer.diagnosis.evidence.stamps import grid_ns, steadiest_ns
-from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
+from sniffer.diagnosis.ledger.damage import AT_TURN, HELD, IN_REPLY, IN_REQUEST, REST, STRAYS
 from sniffer.diagnosis.ledger.seconds import SecondAnswer
 from sniffer.diagnosis.physics.comparing import header_of
-from sniffer.ground.codes import RESPONSE
+from sniffer.ground.codes import REQUEST, RESPONSE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.ledger.damage import Damage
@@ -142,10 +142,15 @@ def _owner(case: Case) -> Owner | None:
         return None  # so does one that stamps them by the millisecond, or when it has time
     traces = _traces(case)
     found, most = [], {}
+    at_turn = at_turns(case)
     for servo in case.servos:
-        mine = [t for t in traces if t.named in (-1, servo)]
+        # strays before its own answers as well are no second ones of it
+        turns = set().union(*at_turn.values()) if len(at_turn.get(servo, ())) >= LEAST else set()
+        mine = [t for t in traces if t.named in (-1, servo) and t.at not in turns]
         by_begin, by_end = (_steadiest(servo, mine, grid, is_by_end=e) for e in (False, True))
         better = max(by_begin, by_end, key=lambda o: o.score)
+        if turns and len(better.traces) < len(at_turn[servo]):
+            continue  # what stands before its answers tears the next request now and then
         most[servo] = better.score
         own = sum(t.own_id == servo for t in better.traces)
         if 2 * own > len(better.traces):
@@ -165,6 +170,18 @@ def _owner(case: Case) -> Owner | None:
     others = [most[o.servo_id] for o in found[1:] if first[o.servo_id] != whose]
     lead = found[0].score - max(others, default=0.0)
     return found[0]._replace(servo_id=whose, lead=lead) if lead >= LEAD else None
+
+
+def at_turns(case: Case) -> Mapping[int, Set[int]]:
+    """Return where strays stand between a request and the answer to it, by who is asked.
+
+    What a driver makes as it lets go of the line stands so, whoever is asked next.
+    """
+    out: dict[int, set[int]] = {}
+    for d in case.damages:
+        if d.turn == AT_TURN and d.behind == REQUEST and d.is_answered:
+            out.setdefault(d.servo_id, set()).add(d.at)
+    return out
 
 
 def _first(case: Case, servo: int, traces: Sequence[TornPlace], grid: int) -> int:

@@ -19,7 +19,7 @@ from sniffer.diagnosis.evidence.heard import heard
 from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.evidence.neighbours import spoken_over
 from sniffer.diagnosis.evidence.overdue import is_overdue
-from sniffer.diagnosis.evidence.owners import JITTER_NS, owner
+from sniffer.diagnosis.evidence.owners import JITTER_NS, at_turns, owner
 from sniffer.diagnosis.evidence.signs import beginnings, begins_like, is_anothers, named_by_header
 from sniffer.diagnosis.evidence.stamps import grid_ns
 from sniffer.diagnosis.evidence.swallowing import swallowing
@@ -130,7 +130,13 @@ def _twins(case: Case) -> Mapping[int, Twin]:
     answered = heard(case).requests
     torn = [d for d in requests_torn if not d.alike and d.at not in answered]
     one = _behind_one(case, strays, SOME)
-    if one in found and one not in late and not _begin_with_pulses(case, one, strays[0].t_ns):
+    is_turning = len(at_turns(case).get(one, ())) >= LEAST  # before its own answers as well
+    if (
+        one in found
+        and one not in late
+        and not is_turning
+        and not _begin_with_pulses(case, one, strays[0].t_ns)
+    ):
         found[one].stray += strays
     everything = followed(case)
     one = _behind_one(case, torn, SOME) if everything is None else -1
@@ -362,10 +368,12 @@ def _late_twins(case: Case) -> Mapping[int, int]:
     for d in case.damages:
         if d.turn in (AT_TURN, IN_IDLE) and d.asked_ns >= 0 and d.earlier_ns >= 0:
             by_pair.setdefault((d.asked_id, d.earlier_id), []).append((d.asked_ns, d.earlier_ns))
-    out, grid = {}, grid_ns(case)
+    out, grid, at_turn = {}, grid_ns(case), at_turns(case)
     for (servo, earlier), delays in by_pair.items():
         if len(delays) < SOME or earlier not in case.servos or servo == earlier:
             continue
+        if len(at_turn.get(earlier, ())) >= LEAST:
+            continue  # they stand before its own answers as well
         own, theirs = zip(*delays, strict=True)
         if _steady(theirs, own, STEADY, grid):
             out[servo] = earlier

@@ -62,6 +62,10 @@ its own waits for what is missing it jumps, and does not wander."""
 LEAST_WAY: Final = 0.01
 """Part of a period that is a way."""
 
+OVER: Final = 0.25
+"""Part of an exchange that is a way: who is beside another one now and over it then goes so far.
+Behind answers that are text a loop asks sooner or later by the bytes that they have."""
+
 MANY: Final = 16
 """Periods over which one is measured."""
 
@@ -108,7 +112,7 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     span = _exchange_ns(case)
     best: tuple[float, list[int], int, int, int, _Meeting] | None = None
     for t, kind in case.ledger.exchanges.moments.stretches():
-        pairs = _pairs(_rhythms(t, kind), case.latency_ns)
+        pairs = _pairs(_rhythms(t, kind), at, case.latency_ns, span)
         here = np.flatnonzero((at >= t[0]) & (at <= t[-1])) if pairs else at[:0]
         if len(here) < TORN:
             continue
@@ -195,32 +199,41 @@ def _rows(t: I64, period: float) -> list[I64]:
     return [np.array(row, np.int64) for row in rows if len(row) >= LEAST]
 
 
-def _pairs(rhythms: Sequence[_Beat], latency_ns: int) -> list[_Meeting]:
-    """Return those that drift through each other."""
+def _pairs(rhythms: Sequence[_Beat], torn: I64, latency_ns: int, span: int) -> list[_Meeting]:
+    """Return those that drift through each other, other than behind what is torn at some moments."""
     both = [(a, b) for k, a in enumerate(rhythms) for b in rhythms[k + 1 :]]
-    found = [_Meeting(a, b, way) for a, b in both if (way := _way(a, b, latency_ns)) is not None]
+    ways = ((a, b, _way(a, b, torn, latency_ns, span)) for a, b in both)
+    found = [_Meeting(a, b, way) for a, b, way in ways if way is not None]
     return sorted(found, key=lambda pair: -abs(pair.way))
 
 
-def _way(a: _Beat, b: _Beat, latency_ns: int) -> float | None:
-    """Return how far one rhythm wanders through the other, in periods; None: they keep step."""
+def _way(a: _Beat, b: _Beat, torn: I64, latency_ns: int, span: int) -> float | None:
+    """Return how far one rhythm wanders through the other, in periods; None: they keep step.
+
+    A loop that waits for what is torn is late in that cycle, and in time again in the next one. Two
+    clocks wander while all is sound, too.
+    """
     if abs(a.period / b.period - 1) > ALIKE:
         return None
     row = np.searchsorted(a.t, b.t, "right") - 1
     behind = b.t[row >= 0] - a.t[row[row >= 0]]
     near = behind < 1.5 * a.period
-    behind = behind[near]
+    behind, at = behind[near], b.t[row >= 0][near]
     if len(behind) < LEAST:
         return None
     steps = np.diff(np.unwrap(behind / a.period, period=1.0))
     middle = float(np.median(steps))
     jump = JUMP * float(np.median(np.abs(steps - middle)))
     steps = np.clip(steps, middle - jump, middle + jump)
-    # what goes up and down from one to the next evens out over many; a way does not
-    place = np.convolve(np.cumsum(steps), np.full(MANY, 1 / MANY), "valid")
-    way = float(place.max() - place.min()) if len(place) else 0.0
     trembles = float(steps.std()) / 2**0.5
-    least = max(STEADY * trembles, LATE * latency_ns / a.period, LEAST_WAY)
+    since, until = (np.searchsorted(torn, t) for t in (at - behind, at))
+    place = np.concatenate([[0.0], np.cumsum(steps)])[since == until]
+    # what goes up and down from one to the next evens out over many; a way does not
+    place = (
+        np.convolve(place, np.full(MANY, 1 / MANY), "valid") if len(place) >= MANY else place[:0]
+    )
+    way = float(place.max() - place.min()) if len(place) else 0.0
+    least = max(STEADY * trembles, LATE * latency_ns / a.period, LEAST_WAY, OVER * span / a.period)
     return way if way > least else None
 
 
@@ -251,7 +264,7 @@ def _swallowed(case: Case, torn: Sequence[Damage]) -> int:
     is_one = np.array([d.turn == IN_REQUEST for d in torn])
     span, most = _exchange_ns(case), np.zeros(len(at), np.int64)
     for t, kind in case.ledger.exchanges.moments.stretches():
-        for a, b, _ in _pairs(_rhythms(t, kind), case.latency_ns):
+        for a, b, _ in _pairs(_rhythms(t, kind), at, case.latency_ns, span):
             missing = _is_missing(at, a, span).astype(np.int64) + _is_missing(at, b, span)
             most = np.maximum(most, missing)
     return int((most > is_one).sum())
