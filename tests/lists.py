@@ -60,8 +60,8 @@ def passed_over(items: Sequence[pytest.Item]) -> list[pytest.Item]:
             cases[item.nodeid.partition("[")[0]].append(item)
     out = list[pytest.Item]()
     for name, mine in cases.items():
-        mark = mine[0].get_closest_marker("in_turn")
-        of = mark.args[0] if mark and not WHOLE and len(mine) > 1 else 1
+        widest = max(mark.args[0] for mark in mine[0].iter_markers("in_turn"))
+        of = widest if not WHOLE and len(mine) > 1 else 1
         first = zlib.crc32(name.rpartition("/")[2].encode()) % min(of, len(mine))
         # with a step aside after each round: two lists that are crossed meet on both diagonals
         out += [item for i, item in enumerate(mine) if (i + i // of) % of != first]

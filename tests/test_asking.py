@@ -12,6 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from tests.commands import two_buses, within
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -314,7 +315,7 @@ def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
     assert told(capsys, "--from", "0.02", file=hex_dump)[-1]["bytes"] < 340
 
 
-@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x", "wck"])
+@each_in_turn(2, "protocol", ["lss", "mightyzap", "rs30x", "wck"])
 def test_what_is_looked_for_is_found_without_a_clock_too(
     protocol: str, tmp_path: Path, capsys: Capsys
 ) -> None:

@@ -25,6 +25,7 @@ from sniffer.ports import Counters
 from sniffer.ports.listing import PortInfo
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import simulate
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -199,6 +200,7 @@ def test_another_protocol_than_the_one_named_is_told() -> None:
     assert verdict.advice == "this is rs30x: sniffer doctor /dev/ttyUSB0=rs30x@115200"
 
 
+@in_turn(4)
 @EVERY
 @pytest.mark.parametrize("factor", [4, 2, 0.5, 0.25])
 def test_the_wrong_baud_is_bad_where_line_errors_are_told(name: str, factor: float) -> None:

@@ -12,6 +12,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from sniffer.mcapfile.layout import ATTACHED, layout
 from tests.commands import within
+from tests.lists import in_turn
 from tests.recordings import record, talk
 from tests.test_convert import CAPTURES, LOG, Capsys
 from tests.test_mcap_live import live
@@ -72,6 +73,7 @@ def in_window(part: Any) -> list[str]:
     return [*in_window(part["first"]), *in_window(part["second"])]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", ["mightyzap_damaged.log", "wck_clean.log"])
 @pytest.mark.parametrize("options", [(), ("--topics", "flat,log")], ids=["all", "flat"])
 def test_every_path_of_a_layout_leads_to_something_that_the_recording_has(

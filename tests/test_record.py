@@ -16,6 +16,7 @@ import pytest
 from sniffer.ground.model import Clock, MarkKind
 from sniffer.mcapfile.source import chunks
 from tests.commands import Ran, conserved, sniffer, talk, within
+from tests.lists import each_in_turn
 from tests.recorder import (
     Recorder,
     assert_true_to_itself,
@@ -48,7 +49,7 @@ def line() -> Iterator[Terminal]:
 # --- every byte ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(2, "protocol", PROTOCOLS)
 def test_what_is_said_is_recorded_and_decoded_as_it_will_be_again(
     tmp_path: Path, line: Terminal, protocol: str
 ) -> None:
