@@ -144,7 +144,8 @@ def test_servos_are_named_as_manuals_write_ids_and_as_places_name_buses(
     assert by_hand.out == ran.out
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("options", "where", "servo"),
     [
         (["--servo", "3", "--from", "@first-error"], " where servo_id = 3", 3),

@@ -12,7 +12,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import answer_begins
 from tests.conversations import TONGUES, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.streams import mightyzap, rs30x
 
 NAMED: Final = ("mightyzap", "rs30x", "lss")
@@ -164,7 +164,7 @@ def test_a_clock_whose_servo_is_asked_while_it_moves_is_no_interference_of_motor
     assert verdicts(told.incidents()) == [("clock-drift", (SICK,))]
 
 
-@pytest.mark.parametrize("tears", [fast, slow])
+@each_in_turn(2, "tears", [fast, slow])
 def test_of_writes_that_only_its_peers_are_heard_to_answer_the_torn_answers_are_its_own(
     tears: Tears,
 ) -> None:

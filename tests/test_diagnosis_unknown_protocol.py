@@ -54,6 +54,7 @@ def test_packets_of_another_protocol_are_no_wrong_rate(packet: Packet, named: st
     assert "plug-in" in told[0].next
 
 
+@in_turn(3)
 @pytest.mark.parametrize("packet", PACKETS)
 @pytest.mark.parametrize("times", [0.5, 2, 3])
 def test_at_a_wrong_rate_no_packet_is_as_long_as_it_says(packet: Packet, times: float) -> None:

@@ -212,6 +212,7 @@ def test_the_wrong_baud_is_bad_where_line_errors_are_told(name: str, factor: flo
     assert said("protocol", misheard(name, baud)).level == Level.BAD
 
 
+@in_turn(4)
 @EVERY
 def test_far_too_fast_is_seen_from_the_bytes_alone(name: str) -> None:
     baud = 4 * PROTOCOLS[name].baud

@@ -22,7 +22,7 @@ from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-EVERY = each_in_turn(2, "name", PROTOCOLS)
+EVERY = each_in_turn(4, "name", PROTOCOLS)
 
 LATENCIES: Final = ((1, 1), (4, 4), (16, 16), (1, 16), (16, 1))
 

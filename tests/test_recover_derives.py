@@ -25,6 +25,7 @@ from sniffer.mcapfile.ros2 import ANOMALIES, JOINTS
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import groups, session
 from sniffer.messages.recording_pb2 import Stats
+from tests.lists import each_in_turn
 from tests.recordings import messages, talk
 from tests.terminals import LINUX_ONLY, PATIENCE_S
 
@@ -139,7 +140,7 @@ def test_what_is_said_of_a_servo_with_a_name_is_not_there_twice(tmp_path: Path) 
     assert not any(re.search(r"servo 1 (?!elbow)", line) for line in log)
 
 
-@pytest.mark.parametrize("joints", [(), (RosJoint("b1", 1, "knee", sign=-1, offset=0.25),)])
+@each_in_turn(2, "joints", [(), (RosJoint("b1", 1, "knee", sign=-1, offset=0.25),)])
 def test_what_ros_is_told_is_made_again(joints: tuple[RosJoint, ...], tmp_path: Path) -> None:
     whole = tmp_path / "whole.mcap"
     sizes = recorded(whole, joints=joints)

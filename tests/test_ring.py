@@ -11,6 +11,7 @@ from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.mcapfile.flight import Around, FlightRecorder
 from sniffer.mcapfile.ring import Ring
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,7 +53,7 @@ def test_the_past_of_a_ring_is_what_was_said_from_the_last_place_where_nothing_w
         assert [c.data for c in past["late"].chunks()] == [b"ab"]
 
 
-@pytest.mark.parametrize("marks", [0, 1, 3])
+@each_in_turn(3, "marks", [0, 1, 3])
 def test_a_ring_of_a_bus_that_says_little_is_bounded_by_what_it_takes_in_memory(
     marks: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

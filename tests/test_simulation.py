@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-EVERY_BUS = each_in_turn(2, "name", BUSES)
+EVERY_BUS = each_in_turn(4, "name", BUSES)
 # A protocol is tested as soon as there is a decoder for it.
-EVERY_DECODED = pytest.mark.parametrize("name", [n for n in BUSES if n in PROTOCOLS])
+EVERY_DECODED = each_in_turn(2, "name", [n for n in BUSES if n in PROTOCOLS])
 
 ALL_FAULTS = tuple(Fault(kind, 0.01) for kind in LINE_FAULTS)
 START = 1_700_000_000 * NS

@@ -16,6 +16,7 @@ from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from tests.conversations import robot, through_usb
+from tests.lists import in_turn
 from tests.records import batches, records
 from tests.streams import stream
 
@@ -60,6 +61,7 @@ def uncertainties(parts: Sequence[Batch]) -> list[tuple[list[int], list[int]]]:
     ]
 
 
+@in_turn(2)
 @EVERY
 @given(data=st.data())
 def test_stamps_of_any_kind_in_any_mixture_give_times_that_make_sense(

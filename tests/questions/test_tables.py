@@ -325,7 +325,7 @@ CASES: Final = [
 _TOLD: dict[str, Told] = {}
 
 
-@each_in_turn(4, ("text", "protocol"), CASES)
+@each_in_turn(8, ("text", "protocol"), CASES)
 def test_a_question_is_answered_by_one_command_as_pandas_answers_it(
     text: str, protocol: str, tmp_path: Path, capsys: Capsys
 ) -> None:
