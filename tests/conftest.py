@@ -24,10 +24,11 @@ MANY: Final = 3000
 """More tests than any selection of them is."""
 
 # No deadline and no "too slow": the tests run on shared machines. "ci" draws the same examples for
-# the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
+# the same code, so a build that fails can be repeated; the others go and look for new ones.
 _SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.register_profile("fast", _SHARED, max_examples=10)
 settings.register_profile("ci", _SHARED, max_examples=6, derandomize=True)
+settings.register_profile("thorough", _SHARED, max_examples=100)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 

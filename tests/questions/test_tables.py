@@ -1,7 +1,7 @@
 """What people ask of a capture: one command answers, and pandas says the same of the tables.
 
 Each question is a pair: what the command says, and what is reckoned from all rows. Everyday runs
-ask each of one protocol, ``make fuzz`` of all four.
+ask each of one protocol, ``make test-thorough`` of all four.
 """
 
 from __future__ import annotations
