@@ -154,6 +154,7 @@ def test_the_line_of_these_tests_is_read_as_it_was_written() -> None:
 # --- bytes, protocol, baud -----------------------------------------------------------------------
 
 
+@in_turn(2)
 @EVERY
 def test_nothing_is_wrong_with_a_good_line(name: str) -> None:
     verdicts = diagnose(heard(name))

@@ -106,7 +106,7 @@ def test_raw_bytes_in_parts_make_the_tables_of_the_whole_byte_for_byte(
     assert table["offset"].to_pylist() == sorted(table["offset"].to_pylist())
 
 
-@pytest.mark.parametrize("ending", ["", "(1700000009.0) what is this\n"], ids=["whole", "damaged"])
+@each_in_turn(2, "ending", ["", "(1700000009.0) what is this\n"], ids=["whole", "damaged"])
 def test_a_log_of_several_buses_in_parts_makes_the_tables_of_the_whole_byte_for_byte(
     ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

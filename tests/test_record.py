@@ -49,7 +49,7 @@ def line() -> Iterator[Terminal]:
 # --- every byte ----------------------------------------------------------------------------------
 
 
-@each_in_turn(2, "protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_what_is_said_is_recorded_and_decoded_as_it_will_be_again(
     tmp_path: Path, line: Terminal, protocol: str
 ) -> None:
@@ -273,7 +273,8 @@ def test_without_a_recording_among_them_the_outputs_are_written_all_the_same(
     assert list(tmp_path.glob("*.mcap")) == []
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("there", "output"),
     [
         ("x.mcap", "x.mcap"),

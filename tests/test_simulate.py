@@ -15,7 +15,7 @@ from sniffer.simulation import simulate as frames_of
 from sniffer.simulation.play.outlet import HOLD_MOST, FrameWriter
 from sniffer.simulation.play.ports import Pty
 from tests.commands import within
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.simulations import DEADLINE_S, ear, framed, heard, running, told
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ def test_a_reader_that_is_stopped_for_good_costs_frames_and_never_halves() -> No
     assert outlet.lost == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@each_in_turn(2, "number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_cleanly(number: int, tmp_path: Path) -> None:
     truth, link = tmp_path / "truth.jsonl", tmp_path / "bus"
     with running("mightyzap", "--truth", truth, "--link", link) as it, ear(it.ports[0]) as me:
