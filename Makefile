@@ -30,7 +30,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick test-ray coverage lint format bench bench-diagnosis bench-fleet bench-live bench-other bench-parts bench-signals soak rig fuzz schemas wireshark captures golden shell clean
+.PHONY: help demo test test-quick test-ray test-thorough coverage lint format bench bench-diagnosis bench-fleet bench-live bench-other bench-parts bench-signals soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -45,6 +45,11 @@ test: $(VENV)/.dev ## run all tests, ten to fifteen minutes on two cores (PYTEST
 
 test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, in less than a minute
 	$(PYTEST) $(QUICK) $(PYTEST_ARGS)
+
+# What `make test` leaves out: cases that differ little from others, and most of long lists.
+test-thorough: $(VENV)/.dev ## all tests with all of their cases, lists walked whole (much longer)
+	$(BIN)/python -m compileall -q sniffer
+	HYPOTHESIS_PROFILE=thorough $(PYTEST) $(PYTEST_ARGS)
 
 test-ray: $(VENV)/.dev ## fleets on Ray, which is installed for it (0.3 GB)
 	$(INSTALL) --editable '.[dev,ray]'

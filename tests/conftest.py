@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from typing import TYPE_CHECKING, Any, Final
@@ -24,10 +25,11 @@ MANY: Final = 3000
 """More tests than any selection of them is."""
 
 # No deadline and no "too slow": the tests run on shared machines. "ci" draws the same examples for
-# the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
+# the same code, so a build that fails can be repeated; the others go and look for new ones.
 _SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.register_profile("fast", _SHARED, max_examples=10)
 settings.register_profile("ci", _SHARED, max_examples=6, derandomize=True)
+settings.register_profile("thorough", _SHARED, max_examples=100)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
@@ -35,7 +37,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 # compile all of the package: that takes twice as long as all else it does.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# What was collected as tests stays until the end: no need to look through it again and again.
+# What is loaded makes no garbage: no need to look through it again and again.
 collect_seldom()
 
 # What a shell starts in the background ignores Ctrl-C and Ctrl-\, and so would every program under
@@ -54,6 +56,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.hook.pytest_deselected(items=over)
     left_out = set(over)
     items[:] = [item for item in items if item not in left_out]
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was collected as tests, which stays until the end, from each later look around."""
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -23,7 +23,7 @@ def chunks_of(frames: Iterable[TrueFrame], clock: Clock = Clock.SAMPLE) -> list[
 
 
 def diagnosed(
-    chunks: Sequence[Chunk], protocol: str | BusProtocol, group: int = 512, **options: Any
+    chunks: Sequence[Chunk], protocol: str | BusProtocol, group: int = 4096, **options: Any
 ) -> Diagnosis:
     """Return the diagnosis of a capture, fed in groups of chunks."""
     diagnosis = Diagnosis()

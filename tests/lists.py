@@ -1,9 +1,10 @@
-"""Lists that are walked whole, or thinned: by ``make fuzz`` and in everyday runs.
+"""Lists that are walked whole, or thinned: by ``make test-thorough`` and in everyday runs.
 
 The reference decoder reads one frame at a time; walked whole, these lists take a third of the
 suite's time. Thinned they keep both ends, where limits are, and every so many in between. Likewise
 cases of one test that differ little from each other, as by protocol and by how late a host is: of
-these everyday runs take one in so many, other ones for each test.
+these everyday runs take one in so many, other ones for each test. ``make fuzz`` takes all of both,
+too, with far more examples of the laws.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 F = TypeVar("F", bound="Callable[..., object]")
 
-WHOLE: Final = os.environ.get("HYPOTHESIS_PROFILE") == "long"
+WHOLE: Final = os.environ.get("HYPOTHESIS_PROFILE") in ("thorough", "long")
 
 walks_a_list = pytest.mark.walks_a_list
-"""Marks a test that does: ``make fuzz`` runs it over the whole list."""
+"""Marks a test that does: ``make test-thorough`` runs it over the whole list."""
 
 
 def thinned(values: Sequence[T], step: int, ends: int = 10) -> list[T]:
@@ -60,8 +61,8 @@ def passed_over(items: Sequence[pytest.Item]) -> list[pytest.Item]:
             cases[item.nodeid.partition("[")[0]].append(item)
     out = list[pytest.Item]()
     for name, mine in cases.items():
-        mark = mine[0].get_closest_marker("in_turn")
-        of = mark.args[0] if mark and not WHOLE and len(mine) > 1 else 1
+        widest = max(mark.args[0] for mark in mine[0].iter_markers("in_turn"))
+        of = widest if not WHOLE and len(mine) > 1 else 1
         first = zlib.crc32(name.rpartition("/")[2].encode()) % min(of, len(mine))
         # with a step aside after each round: two lists that are crossed meet on both diagonals
         out += [item for i, item in enumerate(mine) if (i + i // of) % of != first]

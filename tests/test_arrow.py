@@ -10,6 +10,7 @@ import pytest
 
 from tests.commands import sniffer
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +38,8 @@ assert pa.table({"a": [1, 2]}).to_pandas()["a"].sum() == 3
 """
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     "command",
     [
         ("decode", CAPTURE, "-q", "-o", "x.parquet"),

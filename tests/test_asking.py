@@ -12,6 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from tests.commands import two_buses, within
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -143,7 +144,8 @@ def test_servos_are_named_as_manuals_write_ids_and_as_places_name_buses(
     assert by_hand.out == ran.out
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("options", "where", "servo"),
     [
         (["--servo", "3", "--from", "@first-error"], " where servo_id = 3", 3),
@@ -314,7 +316,7 @@ def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
     assert told(capsys, "--from", "0.02", file=hex_dump)[-1]["bytes"] < 340
 
 
-@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x", "wck"])
+@each_in_turn(2, "protocol", ["lss", "mightyzap", "rs30x", "wck"])
 def test_what_is_looked_for_is_found_without_a_clock_too(
     protocol: str, tmp_path: Path, capsys: Capsys
 ) -> None:

@@ -15,6 +15,7 @@ from sniffer.ground.model import Batch, Chunk
 from sniffer.selection.selection import Selection
 from tests.commands import frames_of, records, sniffer, talk, within
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -73,7 +74,7 @@ def test_lines_around_are_the_same_however_the_stream_is_cut(
     assert seen.at.get("bus0", []) == [starts[k] for k in near(len(frames), meant, n)]
 
 
-@pytest.mark.parametrize("n", [1, 3, 200])
+@each_in_turn(2, "n", [1, 3, 200])
 def test_a_table_with_lines_around_is_what_grep_shows_of_the_table(
     n: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from sniffer.inside.filters import filter_of
 from tests.commands import within
+from tests.lists import each_in_turn
 from tests.schemas import hold_to
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def test_what_is_counted_of_a_servo_is_what_the_whole_says_of_it(name: str, caps
         ]
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     "where",
     [
         "servo_id = 3 AND op = 'store_data'",

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import pytest
-
 from tests.commands import within
+from tests.lists import each_in_turn
 from tests.test_asking import CAPTURE, Capsys, told
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("part", "from_ns", "to_ns"),
     [
         (("--from", "-2s"), 2_000_000_000, None),

@@ -24,7 +24,7 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
 from sniffer.ground.model import NS, Chunk, MarkKind
-from tests.lists import each_in_turn
+from tests.lists import each_in_turn, in_turn
 
 EVERY = each_in_turn(2, "protocol", DIALECTS)
 HOST = pytest.mark.parametrize("host", HOSTS)
@@ -147,7 +147,7 @@ def some_scenarios() -> list[Scenario]:
     return out
 
 
-@each_in_turn(4, "scenario", some_scenarios(), ids=lambda s: s.name)
+@each_in_turn(8, "scenario", some_scenarios(), ids=lambda s: s.name)
 def test_a_scenario_is_traffic_in_order_and_the_same_for_the_same_seed(scenario: Scenario) -> None:
     heard = scenario.make(5)
     assert sum(len(h.wire) for h in heard) > 100
@@ -168,6 +168,7 @@ def test_every_scenario_has_a_name_of_its_own_and_there_are_many() -> None:
     assert {s.protocol for s in scenarios(0)} == set(DIALECTS)
 
 
+@in_turn(5)
 @pytest.mark.parametrize("name", ["poll-each", "bursts", "full-load", "pauses", "person"])
 @EVERY
 def test_sound_traffic_decodes_without_a_word(name: str, protocol: str) -> None:

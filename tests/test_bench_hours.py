@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from bench.hours import run
+from tests.lists import each_in_turn
 
 
-@pytest.mark.parametrize("buses", [1, 4])
+@each_in_turn(2, "buses", [1, 4])
 def test_a_recording_on_a_leaping_clock_has_every_byte_of_its_lines(buses: int) -> None:
     seen = run(6.0, buses, 57600)  # a busy machine turns half as often
     assert seen.seconds >= 6.0

@@ -8,8 +8,6 @@ import statistics
 from collections import defaultdict
 from typing import TYPE_CHECKING, Final
 
-import pytest
-
 from bench.diagnosis import controllers, devices
 from tests.lists import each_in_turn
 from tests.scenes import Seen, seen
@@ -243,7 +241,7 @@ def test_each_draw_is_another_setting_and_the_same_draw_the_same() -> None:
     assert len(differ) == len(drawn[0])
 
 
-@each_in_turn(3, "scenario", by_cause(), ids=lambda s: s.name)
+@each_in_turn(6, "scenario", by_cause(), ids=lambda s: s.name)
 def test_what_is_built_in_is_seen(scenario: Scenario) -> None:
     it = seen(scenario, 1)
     end_s = it.heard[-1].t_end_ns / 1e9
@@ -257,7 +255,7 @@ def test_what_is_built_in_is_seen(scenario: Scenario) -> None:
         assert SYMPTOMS[truth.cause](it, truth, scenario.protocol), truth
 
 
-@pytest.mark.parametrize("name", ["impatient-controller-wck", "servo-absent-mightyzap"])
+@each_in_turn(2, "name", ["impatient-controller-wck", "servo-absent-mightyzap"])
 def test_one_seed_gives_the_same_bytes_and_another_one_others(name: str) -> None:
     scenario = named(name)
     assert list(scenario.make(3)) == list(scenario.make(3))

@@ -25,7 +25,7 @@ from sniffer.viewers.board.line import line, statistics
 from sniffer.viewers.board.state import QUANTITIES
 from sniffer.viewers.screen import LINE, Screen
 from tests.happenings import finding, incident
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.streams.mightyzap import packet
 from tests.wires import START_NS, feed, lines_of, shown_by, status_of, wire
 
@@ -43,7 +43,7 @@ def row_of(lines: Sequence[str], servo: int) -> str:
 EIGHT: Final = tuple((f"bus{n}", name) for n, name in enumerate(tuple(BUSES) * 2))
 
 
-@in_turn(3)
+@in_turn(6)
 @pytest.mark.parametrize(("width", "height"), SIZES)
 @pytest.mark.parametrize("servos", [3, 12])
 @pytest.mark.parametrize("protocol", BUSES)
@@ -58,7 +58,7 @@ def test_a_board_fits(protocol: str, servos: int, width: int, height: int) -> No
             assert row_of(lines, servo)
 
 
-@pytest.mark.parametrize(("width", "height"), SIZES)
+@each_in_turn(2, ("width", "height"), SIZES)
 def test_what_does_not_fit_is_counted_and_what_is_in_trouble_comes_first(
     width: int, height: int
 ) -> None:
@@ -98,7 +98,7 @@ def test_more_buses_than_lines_are_counted() -> None:
     assert any("more buses" in one for one in lines)
 
 
-@in_turn(2)
+@in_turn(4)
 @pytest.mark.parametrize("width", [80, 140])
 @pytest.mark.parametrize("protocol", BUSES)
 def test_the_last_values_are_shown_with_their_units(protocol: str, width: int) -> None:

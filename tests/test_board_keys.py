@@ -21,6 +21,7 @@ from sniffer.viewers.board.watched import selection_in
 from sniffer.viewers.keyboard import keys_in
 from sniffer.viewers.screen import BOARD, Screen
 from tests.commands import within
+from tests.lists import in_turn
 from tests.terminals import PATIENCE_S
 from tests.test_screen import Terminal, end
 from tests.test_screen_jobs import Shell, controlled
@@ -218,6 +219,7 @@ def test_a_servo_has_a_page_with_all_its_registers(watching: Watching) -> None:
     assert watching.press("?")[0] == "keys"
 
 
+@in_turn(2)
 @pytest.mark.parametrize(("width", "height"), SIZES)
 @pytest.mark.parametrize(
     "keys", [["?"], ["j", "enter"], ["s", "f", "x"], ["space"], ["f"] + ["ö"] * 300]

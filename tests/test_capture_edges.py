@@ -15,6 +15,7 @@ from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import Anomaly, Chunk, Clock, Direction
 from sniffer.sources import open_source
 from tests.commands import records, sniffer, within
+from tests.lists import each_in_turn
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import packet as short
 from tests.streams.rs30x import returned
@@ -152,7 +153,7 @@ def test_a_bus_that_falls_silent_while_another_goes_on_is_not_cut() -> None:
 # --- a part of a capture -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("file", CLEAN)
+@each_in_turn(2, "file", CLEAN)
 def test_a_part_of_a_good_capture_has_no_anomalies_but_its_edges(file: str) -> None:
     name, chunks = file.split("_")[0], capture(file)
     data = b"".join(chunk.data for chunk in chunks)

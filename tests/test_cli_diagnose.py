@@ -16,6 +16,7 @@ from tests.commands import Ran, within
 from tests.commands import sniffer as command
 from tests.conversations import Conversation, robot
 from tests.golden import CAPTURES, captures
+from tests.lists import each_in_turn
 from tests.schemas import hold_to
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def diagnose(capsys: pytest.CaptureFixture[str]) -> Asked:
     return Asked(capsys)
 
 
-@pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
+@each_in_turn(3, "capture", captures(), ids=lambda p: p.name)
 def test_what_is_said_of_a_sample_capture_is_as_the_schema_has_it(
     diagnose: Asked, capture: Path
 ) -> None:

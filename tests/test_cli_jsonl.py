@@ -20,6 +20,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.commands import damaged, log, records, talk, within
 from tests.conversations import robot, through_usb
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -119,7 +120,7 @@ def captured(name: str) -> bytes:
     return b"".join(c.data for group in open_source(CAPTURES / name) for c in group)
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@each_in_turn(2, "name", SAMPLES)
 def test_every_record_has_its_keys_and_types(name: str) -> None:
     for row in records(decoded(name)):
         assert next(iter(row)) == "type"
@@ -205,7 +206,7 @@ def derived_from_reads(row: Record) -> Record:
     return {k: v for k, v in row.items() if k not in gone or (row["type"], k) == ("gap", "detail")}
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@each_in_turn(3, "name", SAMPLES)
 def test_decoding_its_own_lines_gives_the_same_records_again(name: str, tmp_path: Path) -> None:
     path = tmp_path / "again.jsonl"
     path.write_text(decoded(name), encoding="utf-8")

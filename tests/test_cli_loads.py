@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sniffer.cli import COMMANDS, cli
+from tests.lists import each_in_turn
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -68,7 +69,7 @@ def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple
     assert not unwanted & {*loaded}
 
 
-@pytest.mark.parametrize("name", ["mightyzap_damaged.log", "lss_damaged.log"])
+@each_in_turn(2, "name", ["mightyzap_damaged.log", "lss_damaged.log"])
 def test_a_log_whose_stamps_tell_how_long_a_byte_takes_loads_no_masked_arrays(name: str) -> None:
     code = (
         "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "

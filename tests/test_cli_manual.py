@@ -12,6 +12,7 @@ import pytest
 
 from sniffer.cli import COMMANDS, cli
 from tests.commands import environment, install, within
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,7 +45,8 @@ def test_a_shell_is_told_how_to_complete(shell: str, capsys: Capsys) -> None:
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("words", "meant"),
     [
         ("sniffer deco", {"decode"}),

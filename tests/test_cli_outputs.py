@@ -16,6 +16,7 @@ from sniffer.mcapfile.recover import recover
 from sniffer.mcapfile.source import chunks
 from sniffer.sinks import SINKS
 from tests.commands import COMMAND, Ran, sniffer, talk, within
+from tests.lists import each_in_turn
 from tests.recordings import keep
 from tests.recordings import talk as simulated
 
@@ -217,7 +218,7 @@ def test_a_device_or_a_pipe_is_not_replaced_by_a_recording(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
-@pytest.mark.parametrize("suffix", SINKS)
+@each_in_turn(2, "suffix", SINKS)
 def test_a_name_that_is_no_text_is_as_good_as_any_other_or_refused(
     suffix: str, good: Path, tmp_path: Path
 ) -> None:

@@ -23,6 +23,7 @@ from sniffer.decoding.rows import FrameRow, SampleRow
 from sniffer.ground.files import beside
 from sniffer.sinks.tables import FRAMES, SAMPLES
 from tests.commands import log, talk, within
+from tests.lists import each_in_turn
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -84,7 +85,7 @@ def test_parquet_says_which_columns_may_be_empty_and_where_numbers_lie(
                 assert (figures.min, figures.max) == (min(column), max(column))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_in_turn(2, "name", NAMES)
 def test_csv_holds_the_samples_and_frames_of_the_api(
     name: str, tmp_path: Path, capsys: Capsys
 ) -> None:

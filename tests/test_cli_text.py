@@ -55,7 +55,7 @@ def table_of(text: str) -> tuple[str, list[str]]:
     return table[0], table[1:]
 
 
-@in_turn(2)
+@in_turn(4)
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", NAMES)
 def test_no_line_is_wider_than_the_terminal(
@@ -67,6 +67,7 @@ def test_no_line_is_wider_than_the_terminal(
     assert not any("\x1b" in line for line in lines)
 
 
+@in_turn(3)
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_cell_stands_under_its_title(

@@ -39,7 +39,7 @@ HELD: Final = [
 ]
 
 
-@each_in_turn(7, "one", HELD)
+@each_in_turn(10, "one", HELD)
 def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()
 

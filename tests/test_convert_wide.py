@@ -15,6 +15,7 @@ from sniffer.decoding.rows import SampleRow
 from sniffer.mcapfile.fields import state_field
 from sniffer.sinks.spaced import Spaced
 from tests.commands import log, talk, within
+from tests.lists import in_turn
 from tests.test_convert import CAPTURES, LOG, Capsys
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def expected(source: Path, *, hold: bool) -> list[dict[str, float | str | None]]
     return out
 
 
+@in_turn(2)
 @pytest.mark.parametrize("hold", [False, True])
 @pytest.mark.parametrize(
     ("name", "suffix"), [("mightyzap_damaged.log", ".csv"), ("lss_damaged.log", ".parquet")]
@@ -128,6 +130,7 @@ def on_a_grid(source: Path, *, hold: bool) -> dict[tuple[str, int], dict[str, fl
     return out
 
 
+@in_turn(2)
 @pytest.mark.parametrize("hold", [False, True])
 @pytest.mark.parametrize(
     ("name", "suffix"), [("mightyzap_damaged.log", ".csv"), ("wck_damaged.log", ".parquet")]

@@ -21,6 +21,7 @@ from sniffer.mcapfile.source import session
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.inputs import chunks, read
+from tests.lists import in_turn
 from tests.recordings import START_NS, talk
 
 Capsys = pytest.CaptureFixture[str]
@@ -65,6 +66,7 @@ def anomalies(batches: list[Batch]) -> set[str]:
     return {a.code for b in batches for a in Anomalies.of(b.anomalies)}
 
 
+@in_turn(2)
 @EVERY
 @settings(max_examples=12)
 @given(data=st.data())

@@ -23,6 +23,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
 from sniffer.sources import open_source
 from tests.dynamixel import WRITE, Dynamixel1, packet, said
+from tests.lists import in_turn
 from tests.streams import module
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def test_each_protocol_is_told_from_its_own_stream(name: str) -> None:
     assert not any(f"{other} " in str(found) for other in PROTOCOLS if other != name)
 
 
+@in_turn(2)
 @EVERY
 @settings(max_examples=20)
 @given(data=st.data())

@@ -14,6 +14,7 @@ from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from sniffer.simulation.render import candump, frame_reads
 from tests.commands import within
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,7 +110,8 @@ def wires(protocol: str, asked: str, answered: str, *, seed: int = 1) -> list[st
     ]
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("asked", "answering", "files"),
     [("ctl", "srv", ("ctl", "srv")), ("/dev/tty0", "/dev/tty1", ("_dev_tty0", "_dev_tty1"))],
 )

@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging, through_usb
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn, in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +27,7 @@ def missing(protocol: str, shares: Mapping[int, float], seed: int = 5) -> Conver
     return talk
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss", "wck"])
 @pytest.mark.parametrize("is_late", [False, True])
 def test_what_all_servos_miss_is_no_fault_of_each_of_them(protocol: str, *, is_late: bool) -> None:
@@ -35,7 +37,7 @@ def test_what_all_servos_miss_is_no_fault_of_each_of_them(protocol: str, *, is_l
     assert "the controller's baud rate" in told[0].next
 
 
-@pytest.mark.parametrize("seed", range(4))
+@each_in_turn(4, "seed", range(4))
 def test_one_that_misses_more_is_told_of_itself(seed: int) -> None:
     told = missing("mightyzap", {1: 0.01, 2: 0.08, 3: 0.01}, seed).diagnosed()
     assert "all-miss-alike" not in codes(told)

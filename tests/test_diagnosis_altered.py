@@ -5,10 +5,9 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING, Final
 
-import pytest
-
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import rs30x
 
 if TYPE_CHECKING:
@@ -85,13 +84,13 @@ def by_the_tap(rng: random.Random, servo: int, data: bytes) -> bytes:
     return one_bit(rng, data) if rng.random() < 0.05 else data
 
 
-@pytest.mark.parametrize("seed", range(3))
+@each_in_turn(3, "seed", range(3))
 def test_noise_on_frames_that_are_mostly_zeros_is_no_weak_signal(seed: int) -> None:
     told = polled("wck", by_the_tap, seed=seed, goals=True)
     assert [cause for cause, _ in verdicts(told.incidents())] == ["bus-noise"]
 
 
-@pytest.mark.parametrize("seed", [3, 6, 13])
+@each_in_turn(3, "seed", [3, 6, 13])
 def test_a_sign_that_is_altered_in_a_line_is_no_second_controller_and_no_other_command(
     seed: int,
 ) -> None:

@@ -8,8 +8,10 @@ import pytest
 
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import found, verdicts
+from tests.lists import in_turn
 
 
+@in_turn(2)
 @pytest.mark.parametrize("whose", [1, 2])
 @pytest.mark.parametrize("by_place", [True, False])
 def test_outages_that_come_where_a_joint_stands_are_told_with_the_place(

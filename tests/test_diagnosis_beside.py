@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -291,7 +292,7 @@ def struck(torn: Callable[[int, bytes], bytes], *servos: int) -> Diagnosis:
     return robot("mightyzap", 8, instead=instead, goals=False).diagnosed()
 
 
-@pytest.mark.parametrize("every", [1, 2, 6])
+@each_in_turn(3, "every", [1, 2, 6])
 def test_edges_that_come_late_count_as_far_as_they_are_what_tears(every: int) -> None:
     def torn(n: int, data: bytes) -> bytes:
         return data[:6] if n % every else turned(data, range(1, 8), lags=True, behind=6)

@@ -12,6 +12,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import answer_begins
 from tests.conversations import TONGUES, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn, in_turn
 from tests.streams import mightyzap, rs30x
 
 NAMED: Final = ("mightyzap", "rs30x", "lss")
@@ -77,6 +78,7 @@ def test_a_protocol_that_does_not_say_how_answers_begin_is_asked_in_vain() -> No
     assert answer_begins(PROTOCOLS["wck"], TONGUES["wck"].ask(1)) == b""
 
 
+@in_turn(2)
 @pytest.mark.parametrize("tears", [fast, slow])
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 def test_a_clock_is_known_to_be_off_though_no_answer_at_all_is_sound(
@@ -88,6 +90,7 @@ def test_a_clock_is_known_to_be_off_though_no_answer_at_all_is_sound(
         assert verdicts(told.incidents())[:1] == [("clock-drift", (SICK,))]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("tears", [headless, of_two])
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 def test_what_else_tears_all_answers_of_the_only_servo_is_no_clock(
@@ -161,7 +164,7 @@ def test_a_clock_whose_servo_is_asked_while_it_moves_is_no_interference_of_motor
     assert verdicts(told.incidents()) == [("clock-drift", (SICK,))]
 
 
-@pytest.mark.parametrize("tears", [fast, slow])
+@each_in_turn(2, "tears", [fast, slow])
 def test_of_writes_that_only_its_peers_are_heard_to_answer_the_torn_answers_are_its_own(
     tears: Tears,
 ) -> None:

@@ -22,7 +22,7 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import codes, found, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -36,7 +36,7 @@ def one_in(n: int, cycle: int, servo: int) -> bool:
     return cycle % n == n // 2 and servo == 2
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_a_request_that_comes_before_the_answer_can_be_over_is_hasty(protocol: str) -> None:
     def hastily(talk: Conversation, cycle: int, servo: int) -> bool:
         if not one_in(9, cycle, servo):
@@ -50,7 +50,7 @@ def test_a_request_that_comes_before_the_answer_can_be_over_is_hasty(protocol: s
     assert verdicts(told.incidents()) == [("impatient-controller", ())]
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_waiting_in_vain_as_long_as_usual_is_not_hasty(protocol: str) -> None:
     def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
         if not one_in(9, cycle, servo):
@@ -91,13 +91,14 @@ def impatient(protocol: str) -> Conversation:
     return robot(protocol, 12, instead=into, goals=False)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_requests_that_run_into_answers_are_the_impatient_controllers(protocol: str) -> None:
     told = impatient(protocol).diagnosed()
     assert {"request-swallowed", "request-in-answer"} & codes(told)
     assert verdicts(told.incidents()) == [("impatient-controller", ())]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 @pytest.mark.parametrize("host", [through_usb, without_clock])
 def test_requests_said_into_answers_are_missing_behind_them_where_no_stamp_tells_it(
@@ -147,7 +148,7 @@ def test_a_controller_that_asks_all_at_once_by_plan_is_sound() -> None:
     assert not talk.diagnosed().incidents()
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_request_that_is_repeated_without_end_is_a_storm_of_retries(protocol: str) -> None:
     def stubborn(talk: Conversation, cycle: int, servo: int) -> bool:
         if servo != 2 or cycle % 100 != 50:
@@ -182,6 +183,7 @@ def test_a_controller_that_asks_one_servo_only_repeats_itself_without_a_storm() 
     assert "retry-storm" not in codes(talk.diagnosed())
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("heard", ["both ways", "one way"])
 def test_who_asks_a_joint_until_it_has_arrived_does_not_storm_when_answers_are_missing(
@@ -203,7 +205,7 @@ def test_who_asks_a_joint_until_it_has_arrived_does_not_storm_when_answers_are_m
     assert "retry-storm" not in told
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_asking_a_servo_that_is_not_there_is_told_with_what_it_costs(protocol: str) -> None:
     talk = robot(protocol, 6, rate_hz=20, before=lambda talk, n: talk.ask_in_vain(9, 20))
     diagnosis = talk.diagnosed()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
-import pytest
-
 from tests.conversations import Conversation, swinging, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def polled(
     return talk
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_who_answers_every_second_request_counts(protocol: str) -> None:
     diagnosis = polled(protocol, lambda cycle: cycle % 2 == 1).diagnosed()
     assert verdicts(diagnosis.incidents()) == [("servo-refuses", (3,))]
@@ -66,7 +65,7 @@ def test_who_leaves_one_question_of_two_does_not_count() -> None:
     assert "answers-every-nth" not in codes(talk.diagnosed())
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_who_misses_single_requests_by_chance_does_not_start_anew(protocol: str) -> None:
     rng = random.Random(1)
     talk = polled(protocol, lambda _: rng.random() < 0.06, rounds=500, rest_ms=20)

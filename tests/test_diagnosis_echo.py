@@ -18,11 +18,12 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import alarms, codes, verdicts
+from tests.lists import each_in_turn
 
 PROTOCOLS = tuple(TONGUES)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_an_adapters_echo_is_one_note_and_no_alarm_stands_beside_it(protocol: str) -> None:
     talk = robot(protocol, 4)
     (incident,) = talk.diagnosed(echoed(talk)).incidents()

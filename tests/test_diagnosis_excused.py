@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn, in_turn
 from tests.streams import mightyzap, rs30x
 
 ID_AT, SHORT_LIMIT_AT = 0x03, 0x06
@@ -33,7 +34,7 @@ def ask_for_id(talk: Conversation, servo: int) -> None:
     talk.rest(1)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "lss"])
 def test_a_servo_that_is_told_to_start_anew_may_be_asked_until_it_has(protocol: str) -> None:
     def starts(talk: Conversation, cycle: int, servo: int) -> bool:
         if cycle % 100 != 50 or servo != 2:
@@ -62,6 +63,7 @@ def test_one_that_does_not_come_back_from_its_start_is_missed(protocol: str) -> 
     assert [who for _, who in verdicts(told)] == [(2,)]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("group", [5, 512])
 @pytest.mark.parametrize("protocol", ["mightyzap", "lss"])
 def test_one_that_takes_too_long_to_start_is_away_from_the_order_on(
@@ -187,7 +189,7 @@ def test_a_goal_is_not_held_against_a_limit_that_was_written_after_it() -> None:
     assert verdicts(talk.diagnosed().incidents()) == [("goal-out-of-range", (1,))]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "rs30x", "lss", "wck"])
 def test_servos_that_all_go_away_at_once_share_a_supply(protocol: str) -> None:
     def is_off(talk: Conversation, cycle: int, servo: int) -> bool:
         if cycle % 200 < 100 or cycle > 700:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x, wck
 
 
@@ -65,7 +66,8 @@ def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
     assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("protocol", "every", "printed"),
     [
         # LSS_Query, LSS_Knob_Mimic of Lynxmotion's Arduino library print on the bus's port
@@ -91,7 +93,7 @@ def test_what_a_program_prints_on_the_bus_is_its_own_and_no_noise(
     assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
 
 
-@pytest.mark.parametrize("has_clock", [True, False])
+@each_in_turn(2, "has_clock", [True, False])
 def test_requests_that_stop_anywhere_were_thrown_away_by_their_sender(has_clock: bool) -> None:
     """As RaspberryPi-DXL-MightyZap does: it empties its port (tcflush) when it has written."""
     rng = random.Random(4)

@@ -6,6 +6,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 
 SERVOS = tuple(range(1, 9))
 
@@ -21,7 +22,7 @@ def looped(talk: Conversation, seconds: float, gone: tuple[int, ...] = ()) -> No
         talk.rest(20)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_a_power_switch_is_no_storm_of_the_one_that_is_asked_whether_they_are_back(
     protocol: str,
 ) -> None:

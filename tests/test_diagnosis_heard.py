@@ -10,6 +10,7 @@ import pytest
 from sniffer.diagnosis.evidence.heard import heard
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import diagnosed, verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,6 +41,7 @@ def as_heard(chunks: Sequence[Chunk]) -> Sequence[Chunk]:
     return chunks
 
 
+@in_turn(3)
 @pytest.mark.parametrize(("first", "last", "part"), [(0, 1, 0.2), (0, 4, 0.5)], ids=str)
 @pytest.mark.parametrize("tap", [as_heard, through_usb, without_clock])
 def test_bare_answers_to_requests_that_the_tap_hears_torn_are_no_second_answers(

@@ -5,11 +5,10 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
-import pytest
-
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import alarms
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,7 +17,7 @@ MS = 1_000_000
 SERVOS = range(1, 6)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "wck"])
 def test_pauses_behind_which_more_stands_than_a_line_carries_are_the_loggers(protocol: str) -> None:
     talk = Conversation(protocol)
     while talk.now_s < 20:

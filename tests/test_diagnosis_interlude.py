@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.conversations import Conversation
 from tests.diagnosed import codes, verdicts
 from tests.interludes import loaded, polled, torn_on_one_side, updated
+from tests.lists import each_in_turn
 
 PROTOCOLS = ["mightyzap", "lss", "rs30x", "wck"]
 
 DAMAGE = {"damage-everywhere", "damage-undecided", "damage-in-requests", "damage-in-answers"}
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_blocks_of_a_loader_between_sound_talk_are_another_protocol_and_no_noise(
     protocol: str,
 ) -> None:

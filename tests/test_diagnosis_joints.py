@@ -10,6 +10,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.servos import finding, heard, lss, polled
 from tests.streams import mightyzap, rs30x, wck
 
@@ -93,7 +94,7 @@ def looked_at_once_a_move(protocol: str, place: Callable[[float, float], float])
     return talk.diagnosed()
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+@each_in_turn(3, "protocol", ["mightyzap", "lss", "rs30x"])
 def test_a_joint_that_hangs_is_seen_by_who_looks_once_a_move(protocol: str) -> None:
     sags = looked_at_once_a_move(protocol, lambda at, goal: at - 0.02)
     stops = looked_at_once_a_move(protocol, lambda at, goal: min(goal, 0.55))
@@ -388,7 +389,7 @@ def test_a_joint_that_follows_again_though_nobody_switched_its_torque_on_was_blo
     assert verdicts(held_for_a_while(switched_on=6.9).incidents()) == [("torque-off", (1,))]
 
 
-@pytest.mark.parametrize("protocol", ["lss", "mightyzap", "rs30x"])
+@each_in_turn(3, "protocol", ["lss", "mightyzap", "rs30x"])
 def test_a_loop_that_rests_for_minutes_does_not_look_seldom(protocol: str) -> None:
     """A mean of some seconds from look to look made every one of a moving joint count."""
 

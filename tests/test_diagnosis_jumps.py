@@ -10,6 +10,7 @@ import pytest
 from sniffer.ground.model import Chunk
 from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn, in_turn
 from tests.servos import finding, heard, lss, mightyzap_read, mightyzap_write, polled
 from tests.streams import wck
 
@@ -23,7 +24,7 @@ POSITION = 0x8C
 """Where a mightyZAP tells its position."""
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_goal_that_jumps_and_comes_back_is_a_jump(protocol: str) -> None:
     def path(servo: int, s: float) -> float:
         x = swinging(servo, s)
@@ -44,7 +45,7 @@ def test_a_goal_that_jumps_in_a_slow_loop_is_a_jump_as_well(cycles: range) -> No
     assert [f.servo_id for f in found(told) if f.code == "goal-jump"] == [2] * bool(cycles)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_program_that_moves_from_point_to_point_does_not_jump(protocol: str) -> None:
     rng = random.Random(6)
     points = [rng.uniform(0.1, 0.9) for _ in range(12)]
@@ -72,6 +73,7 @@ def test_without_a_clock_only_a_goal_where_no_other_is_comes_back_from_a_jump() 
     assert "goal-jump" in codes(jumps.diagnosed(without_clock(jumps.chunks)))
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("servos", [(2,), (1, 2)])
 def test_bytes_without_times_tell_a_jump_by_the_order_of_goals(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from sniffer.ground.model import NS
 from tests.conversations import T0, Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 
 
 def swung(behind_s: dict[int, tuple[float, float]], protocol: str = "mightyzap") -> Conversation:
@@ -22,7 +21,7 @@ def swung(behind_s: dict[int, tuple[float, float]], protocol: str = "mightyzap")
     return talk
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_a_joint_that_lags_behind_its_goals_more_and_more_is_told(protocol: str) -> None:
     told = swung({2: (0.05, 0.6)}, protocol).diagnosed()
     assert verdicts(told.incidents()) == [("overload", (2,))]

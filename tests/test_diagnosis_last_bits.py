@@ -6,10 +6,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import pytest
-
 from tests.conversations import Conversation, one_wire, robot
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +39,7 @@ def test_places_without_their_highest_bit_are_of_a_clock_that_is_off_and_of_no_l
     assert verdicts(d.incidents()) == [("clock-drift", (2,))]
 
 
-@pytest.mark.parametrize("place", [3 / 253, 40 / 253])
+@each_in_turn(2, "place", [3 / 253, 40 / 253])
 def test_a_joint_that_hangs_below_half_of_its_range_lacks_no_bit(place: float) -> None:
     def hangs(talk: Conversation, cycle: int, servo: int) -> bool:
         if servo == 2:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +17,7 @@ from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import FAULTS, Fault
 from tests.conversations import T0
 from tests.diagnosed import chunks_of, diagnosed, found
+from tests.lists import each_in_turn
 from tests.streams.mightyzap import packet
 
 
@@ -57,7 +57,7 @@ def tables(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return out
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(4, "protocol", BUSES)
 @settings(max_examples=8)
 @given(seed=st.integers(0, 5), group=st.integers(5, 300))
 def test_what_is_remembered_does_not_depend_on_how_chunks_are_grouped(
@@ -90,7 +90,7 @@ def test_a_scan_of_thousands_of_registers_stops_no_clock_of_what_is_asked_always
     assert slowest.high < 25 * 10**6
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(2, "protocol", BUSES)
 def test_asking_meanwhile_changes_nothing(protocol: str) -> None:
     chunks = bus(protocol, 3)
     diagnosis = Diagnosis()
@@ -116,7 +116,7 @@ def test_what_was_found_is_kept_until_more_is_heard() -> None:
     assert diagnosis.cases()[0] is not before
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(2, "protocol", BUSES)
 def test_sound_traffic_has_no_incident(protocol: str) -> None:
     for seed in range(3):
         chunks = chunks_of(simulate(protocol, seed=seed, duration_s=3.0))

@@ -6,6 +6,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x
 
 WRITES = [
@@ -39,7 +40,7 @@ def stands(protocol: str, request: bytes, *, since: int = 300, undone: bytes = b
     return talk
 
 
-@pytest.mark.parametrize(("protocol", "request_", "told"), WRITES)
+@each_in_turn(2, ("protocol", "request_", "told"), WRITES)
 def test_a_joint_whose_limit_is_set_to_nothing_is_told_so(
     protocol: str, request_: bytes, told: str
 ) -> None:

@@ -37,6 +37,7 @@ from tests.conversations import Conversation, robot
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, diagnosed, verdicts
 from tests.interludes import torn_on_one_side, updated
+from tests.lists import each_in_turn
 from tests.test_diagnosis_by_supply import altered_answers
 from tests.test_diagnosis_overlaid import answered_at_once, asked_at_once
 from tests.test_diagnosis_shapes import without_blocks
@@ -365,7 +366,7 @@ def test_a_clock_that_is_off_is_known_where_there_is_one_servo_alone() -> None:
     assert told == [("clock-drift", (4,))]
 
 
-@pytest.mark.parametrize("protocol", ["lss", "wck"])
+@each_in_turn(2, "protocol", ["lss", "wck"])
 def test_strays_behind_requests_are_the_turns_by_late_stamps_too(protocol: str) -> None:
     it = robot_of(protocol)
     told = {}

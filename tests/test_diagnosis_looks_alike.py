@@ -14,6 +14,7 @@ from sniffer.diagnosis.physics.uart import sent
 from sniffer.ground.model import Clock, Direction
 from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.servos import BEGAN_NS, heard, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_findings import volts
@@ -231,7 +232,7 @@ def rs30x_state(t: float, place: int) -> list[tuple[float, bytes]]:
     ]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "wck"])
+@each_in_turn(3, "protocol", ["mightyzap", "lss", "wck"])
 def test_a_line_that_is_held_low_for_most_of_the_time_is_neither_text_nor_another_rate(
     protocol: str,
 ) -> None:
@@ -254,7 +255,7 @@ ELSE: Final = {
 """A question that the control loop does not ask."""
 
 
-@pytest.mark.parametrize("protocol", tuple(ELSE))
+@each_in_turn(2, "protocol", tuple(ELSE))
 def test_who_leaves_one_question_unanswered_is_neither_away_nor_behind_a_bad_contact(
     protocol: str,
 ) -> None:
@@ -300,7 +301,7 @@ def test_a_capture_that_ends_in_a_storm_of_retries_has_no_dead_servo() -> None:
     assert verdicts(told.incidents()) == [("retry-storm", (2,))]
 
 
-@pytest.mark.parametrize("protocol", tuple(ELSE))
+@each_in_turn(2, "protocol", tuple(ELSE))
 def test_a_question_that_is_left_unanswered_whenever_it_is_asked_is_refused(protocol: str) -> None:
     def asks(talk: Conversation, cycle: int) -> None:
         insist(talk, 2 if cycle % 60 == 20 else 0, protocol)
@@ -310,7 +311,7 @@ def test_a_question_that_is_left_unanswered_whenever_it_is_asked_is_refused(prot
     assert ELSE[protocol].hex(" ").upper() in told.incidents()[0].story
 
 
-@pytest.mark.parametrize("protocol", tuple(ELSE))
+@each_in_turn(2, "protocol", tuple(ELSE))
 def test_who_misses_what_it_is_asked_most_chooses_no_question(protocol: str) -> None:
     def away(talk: Conversation, cycle: int, servo: int) -> bool:
         for _ in range(10 if servo == 2 and cycle % 40 == 20 else 0):

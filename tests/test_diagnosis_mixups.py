@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import pytest
-
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,14 +32,14 @@ def exchanged(servo: int, s: float) -> float:
     return swinging({2: 3, 3: 2}.get(servo, servo), s)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_two_joints_that_do_what_the_other_one_is_told_are_exchanged(protocol: str) -> None:
     told = robot(protocol, exchanged).diagnosed().incidents()
     assert verdicts(told) == [("joints-mixed-up", (2, 3))]
     assert told[0].next.startswith("Exchange their ids")
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_a_joint_that_goes_against_its_goals_is_turned_around(protocol: str) -> None:
     def turned(servo: int, s: float) -> float:
         return 1 - swinging(servo, s) if servo == 3 else swinging(servo, s)

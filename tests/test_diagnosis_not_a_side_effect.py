@@ -10,6 +10,7 @@ from sniffer.diagnosis.physics.seen import chance_of, shares_of
 from sniffer.simulation import simulate
 from sniffer.simulation.faults import Fault
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
+from tests.lists import each_in_turn
 
 Said = tuple[tuple[str, tuple[int, ...]], ...]
 
@@ -79,7 +80,7 @@ def test_a_checksum_shows_each_bit_alike() -> None:
     assert chance_of([], range(5, 8)) == 3 / 8
 
 
-@pytest.mark.parametrize("other", [Fault("flip", 0.03), Fault("impatient", 0.05)])
+@each_in_turn(2, "other", [Fault("flip", 0.03), Fault("impatient", 0.05)])
 def test_cycles_that_all_differ_are_no_two_rhythms_beside_a_fault(other: Fault) -> None:
     said = {cause for cause, _ in told("lss", Fault("jitter", 1.0), other, seed=48, seconds=15)}
     assert "two-masters" not in said

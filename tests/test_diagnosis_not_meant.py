@@ -9,11 +9,13 @@ import pytest
 
 from tests.conversations import robot
 from tests.diagnosed import verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from tests.conversations import Conversation
 
 
+@in_turn(2)
 @pytest.mark.parametrize("opens", [0.0, 0.04])
 @pytest.mark.parametrize("protocol", ["wck", "rs30x"])
 def test_a_command_of_the_wrong_form_to_one_servo_does_not_open_the_cable_of_another(

@@ -8,10 +8,12 @@ import sniffer
 from sniffer.decoding.options import Options
 from tests.conversations import Conversation
 from tests.diagnosed import diagnosed, verdicts
+from tests.lists import in_turn
 from tests.streams import mightyzap
 from tests.transcripts import ROOT
 
 
+@in_turn(2)
 @pytest.mark.parametrize("named", ["mightyzap", "lss", "rs30x", "wck"])
 @pytest.mark.parametrize("spoken", ["mightyzap_clean.log", "lss_clean.bin", "rs30x_clean.hex"])
 def test_a_bus_read_by_a_protocol_that_nobody_speaks_is_told_as_that_alone(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-
 from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn
 
 SERVOS = (1, 2, 3, 4)
 CYCLES = 60
@@ -99,7 +98,7 @@ def test_two_answers_of_one_id_behind_a_servo_that_is_not_there_are_no_late_one(
     assert set(verdicts(told.incidents())) == {("duplicate-id", (2,)), ("servo-absent", (1,))}
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "wck"])
+@each_in_turn(2, "protocol", ["mightyzap", "wck"])
 def test_two_servos_that_answer_twice_now_and_then_are_twins_where_no_request_is_torn(
     protocol: str,
 ) -> None:

@@ -12,6 +12,7 @@ from sniffer.diagnosis.physics.uart import BITS, both, heard, received, sent
 from sniffer.ground.model import Mark, MarkKind
 from tests.conversations import TONGUES, Conversation, robot, swinging, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import in_turn
 
 ASKS = {name: [tongue.ask(servo) for servo in (1, 2, 3)] for name, tongue in TONGUES.items()}
 
@@ -60,6 +61,7 @@ def asked_at_once(protocol: str) -> Conversation:
     return talk
 
 
+@in_turn(2)
 @pytest.mark.parametrize("clock", [True, False])
 @pytest.mark.parametrize("protocol", ["wck", "lss"])
 def test_who_else_asks_is_known_by_requests_at_once(protocol: str, clock: bool) -> None:

@@ -16,7 +16,7 @@ from sniffer.simulation import Fault, simulate
 from sniffer.simulation.render import usb_reads
 from tests.conversations import MS, Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import chunks_of, codes, diagnosed, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def owner_of(talk: Conversation, *, by_usb: bool = False) -> Owner | None:
     return owner(case)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_torn_answers_that_end_a_steady_time_behind_another_servos_request_are_that_ones(
     protocol: str,
 ) -> None:
@@ -70,7 +70,7 @@ def test_torn_answers_that_end_a_steady_time_behind_another_servos_request_are_t
     assert verdicts(told) == [("duplicate-id", (2,))]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_torn_answers_that_come_when_they_are_due_are_their_servos(protocol: str) -> None:
     talk = late_answers(protocol, 3)
     one = owner_of(talk)
@@ -100,7 +100,7 @@ def both_at_once(protocol: str) -> Conversation:
     return robot(protocol, 12, servos=(1, 2, 3), instead=instead, goals=False, baud=57600)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_torn_answers_that_end_as_steadily_behind_their_own_request_are_not_the_servos_before(
     protocol: str,
 ) -> None:
@@ -147,6 +147,7 @@ def by_the_millisecond(talk: Conversation, late_us: int = 0) -> list[Chunk]:
     return [Chunk(c.data, t, Clock.FILE) for c, t in zip(talk.chunks, stamps, strict=True)]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("late_us", [0, 60])
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 def test_torn_answers_stamped_by_the_millisecond_are_those_of_the_servo_that_was_asked(
@@ -169,7 +170,7 @@ def test_torn_answers_stamped_by_the_millisecond_are_those_of_the_servo_that_was
     assert {i.servo_ids for i in told} <= {(4,)}
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "lss"])
 def test_a_second_answer_that_names_its_servo_is_that_ones_however_stamps_lie(
     protocol: str,
 ) -> None:

@@ -6,12 +6,11 @@ import random
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-import pytest
-
 from sniffer.diagnosis.evidence.passing import misread_senders
 from sniffer.ground.model import Direction
 from tests.conversations import Conversation
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def heard(protocol: str) -> Diagnosis:
     return diagnosed(slow(states(protocol).chunks, SICK, rng), protocol, baud=115200)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_a_slow_clock_whose_torn_answers_hold_at_times_is_one_fault(protocol: str) -> None:
     told = heard(protocol)
     assert verdicts(told.incidents()) == [("clock-drift", (SICK,))]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind
 from tests.conversations import MS, TONGUES, robot
 from tests.diagnosed import verdicts
+from tests.lists import each_in_turn
 
 
-@pytest.mark.parametrize("protocol", list(TONGUES))
+@each_in_turn(4, "protocol", list(TONGUES))
 def test_a_port_that_goes_away_behind_all_that_was_said_lost_nothing(protocol: str) -> None:
     """Unplugged at the end of a run: the tap lost bytes, 64 %, though every byte was there."""
     talk = robot(protocol, 6)

@@ -13,7 +13,7 @@ from sniffer.diagnosis.physics.uart import received, sent
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import BAUD, Conversation, robot, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Diagnosis
@@ -43,7 +43,7 @@ def read(
     return talk.diagnosed(chunks if clock else without_clock(chunks))
 
 
-@in_turn(3)
+@in_turn(6)
 @pytest.mark.parametrize("clock", [True, False])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize(("runs", "read_at"), RATES)
@@ -62,7 +62,7 @@ def test_a_line_that_is_a_little_slower_than_its_receiver_is_read_at_a_wrong_rat
 FASTER = [(250000, 230400), (128000, 115200), (115200, 100000)]
 
 
-@in_turn(3)
+@in_turn(6)
 @pytest.mark.parametrize("clock", [True, False])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize(("runs", "read_at"), FASTER)
@@ -74,6 +74,7 @@ def test_a_line_that_is_a_little_faster_than_its_receiver_is_no_controllers_faul
     assert verdicts(told.incidents()) == [("wrong-baud", ())]
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize(("times", "rise"), [(1.0, 0.62), (1.03, 0.0), (0.96, 0.0)])
 def test_a_weak_line_and_clocks_that_are_off_read_no_bit_twice(
@@ -122,7 +123,7 @@ def test_one_command_with_a_wrong_checksum_amid_sound_talk_is_no_other_rate() ->
     assert verdicts(told.incidents())[:1] == [("malformed-command", (25,))]
 
 
-@in_turn(3)
+@in_turn(5)
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("times", [0.5, 0.92, 3.0, 6.0, 12.0])
 def test_a_line_at_a_rate_far_from_its_receivers_is_read_at_a_wrong_rate(
@@ -151,13 +152,14 @@ def test_zeros_one_behind_the_other_are_a_line_that_is_held_and_no_slow_one() ->
     assert [incident.cause for incident in told.incidents()] == ["line-stuck"]
 
 
-@pytest.mark.parametrize("size", [600, 3000, 40_000])
+@each_in_turn(3, "size", [600, 3000, 40_000])
 def test_bytes_that_are_as_even_as_random_ones_are_no_conversation_at_any_rate(size: int) -> None:
     """A packed or encrypted file that somebody takes for a capture."""
     chunk = Chunk(random.Random(size).randbytes(size), None, Clock.NONE)
     assert "nothing-holds" not in codes(diagnosed([chunk], "mightyzap"))
 
 
+@in_turn(4)
 @pytest.mark.parametrize("size", [60_000, 600_000])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_bytes_of_which_nothing_holds_have_no_torn_frames_of_anybody(

@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,6 +29,7 @@ def led(
     return talk
 
 
+@in_turn(4)
 @pytest.mark.parametrize("of", [2, 3])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_goals_of_two_programs_in_turns_are_told(protocol: str, of: int) -> None:

@@ -9,6 +9,7 @@ import pytest
 from sniffer.diagnosis.physics.uart import heard, sent
 from tests.conversations import BAUD, Conversation, swinging, through_usb
 from tests.diagnosed import codes, verdicts
+from tests.lists import in_turn
 
 RATES = (9600, 19200, 38400, 57600, 115200, 230400, 250000)
 
@@ -35,6 +36,7 @@ def poll(talk: Conversation) -> None:
         talk.read(servo, swinging(servo, talk.now_s))
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss", "wck"])
 @pytest.mark.parametrize("is_late", [False, True])
 def test_a_search_for_the_rate_is_told_as_one(protocol: str, *, is_late: bool) -> None:

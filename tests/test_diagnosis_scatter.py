@@ -11,6 +11,7 @@ import pytest
 from sniffer.diagnosis.physics.uart import both, heard, sent
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.lists import each_in_turn
 from tests.streams import wck
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def test_two_that_answer_at_once_are_two_however_late_the_stamps_are(
     assert verdicts(host(answering(two)).incidents()) == [("duplicate-id", (ODD,))]
 
 
-@pytest.mark.parametrize("off", [-0.075, -0.06, -0.055, 0.055, 0.0625, 0.07, 0.08])
+@each_in_turn(3, "off", [-0.075, -0.06, -0.055, 0.055, 0.0625, 0.07, 0.08])
 def test_a_clock_that_is_off_is_no_second_servo(off: float) -> None:
     told = answering(by_a_clock(off, 0.006)).diagnosed()
     assert "places-scatter" not in codes(told)

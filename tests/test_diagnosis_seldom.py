@@ -9,6 +9,7 @@ import pytest
 from sniffer.ground.model import Severity
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,6 +37,7 @@ def looped(
     return talk
 
 
+@in_turn(4)
 @pytest.mark.parametrize("rest_ms", [20, 100])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_one_outage_is_told_alike_however_often_a_servo_is_asked(
@@ -71,6 +73,7 @@ def test_of_a_servo_that_has_just_fallen_silent_nobody_is_sure_that_it_is_dead(
     assert 40 <= incident.causes[0].percent < 85
 
 
+@in_turn(4)
 @pytest.mark.parametrize("rest_ms", [20, 1000])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_who_is_silent_to_the_end_for_longer_than_a_start_takes_stopped_answering(

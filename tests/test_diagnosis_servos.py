@@ -14,7 +14,7 @@ from sniffer.diagnosis.weighing import explain
 from sniffer.simulation.buses import BUSES, simulate
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import chunks_of, codes, diagnosed, found, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.servos import BEGAN_NS, finding, suffering
 from tests.streams import mightyzap, rs30x
 
@@ -62,7 +62,7 @@ def test_a_fault_of_a_servo_is_one_incident_with_its_cause_first(
     assert verdicts(incidents) == [(cause, (WITHIN[protocol],))]
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(2, "protocol", BUSES)
 def test_sound_servos_show_nothing_that_a_faulty_one_would(protocol: str) -> None:
     assert not codes(suffering(protocol, seconds=10.0)) & set(DEVICE)
 
@@ -110,7 +110,8 @@ def test_a_joint_that_gets_up_to_speed_is_not_stuck() -> None:
     assert finding(it, "stuck-before-alarm") is None
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("protocol", "register"),
     [
         ("mightyzap", "(Register `force_on`, address 0x80.)"),

@@ -16,6 +16,7 @@ from sniffer.diagnosis.ledger.exchanges import Pause
 from sniffer.ground.model import MS, Direction
 from tests.conversations import Conversation, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ def _loose(protocol: str, opens: Sequence[tuple[float, float, bool]]) -> Convers
     return talk
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_a_contact_that_is_loose_for_seconds_of_a_run_is_no_clock(protocol: str) -> None:
     """It is asked seldom in the rest of the run, and often in a gait: it answers between."""
     opens = ((80.0, 80.3), (80.65, 81.15), (81.35, 81.6), (82.05, 82.45), (82.65, 83.05))

@@ -10,6 +10,7 @@ import pytest
 from sniffer.diagnosis.evidence.chances import so_alike
 from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.servos import finding, heard, lss, mightyzap_read, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_beside import torn_read
@@ -18,7 +19,7 @@ from tests.test_diagnosis_tap import holes
 from tests.test_diagnosis_two_at_once import hit
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "wck"])
 def test_what_a_lossy_tap_leaves_lacks_its_beginning_and_nothing_else(protocol: str) -> None:
     talk = robot(protocol, 10)
     assert "pieces-complete" in codes(talk.diagnosed(holes(one_wire(talk))))
@@ -134,7 +135,7 @@ def test_a_servo_that_speaks_now_and_then_is_no_second_one() -> None:
     assert "unasked-now-and-then" in codes(suffering("mightyzap", "chatty:1:4%", 10.0))
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+@each_in_turn(3, "protocol", ["mightyzap", "lss", "rs30x"])
 def test_a_second_servo_that_answers_now_and_then_is_no_device_that_speaks_unasked(
     protocol: str,
 ) -> None:
@@ -232,7 +233,7 @@ def test_a_torn_line_that_reads_as_a_modifier_is_no_command_of_the_wrong_form() 
     assert "modifier-misused" in codes(talk.diagnosed())
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x"])
+@each_in_turn(3, "protocol", ["mightyzap", "lss", "rs30x"])
 def test_a_servo_whose_answer_another_one_tears_is_two_though_few_of_both_are_whole(
     protocol: str,
 ) -> None:

@@ -12,6 +12,7 @@ from sniffer.diagnosis.physics.uart import both, heard, sent
 from sniffer.ground.model import Direction
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def names(told: Diagnosis) -> set[int]:
     return {servo for case in told.cases() for servo in named_within(case).values()}
 
 
-@pytest.mark.parametrize("protocol", NAMED)
+@each_in_turn(2, "protocol", NAMED)
 def test_a_second_answer_within_anothers_tells_whose_it_is(protocol: str) -> None:
     """It is read from the first start bit on that the receiver finds, in step or not."""
     talk = by_one(protocol)
@@ -81,7 +82,7 @@ def test_a_second_answer_within_anothers_tells_whose_it_is(protocol: str) -> Non
         assert verdicts(told.incidents()) == [("duplicate-id", (TWIN,))]
 
 
-@pytest.mark.parametrize("protocol", NAMED)
+@each_in_turn(2, "protocol", NAMED)
 def test_pieces_of_everybodys_answers_are_nobodys_second_answer(protocol: str) -> None:
     told = by_anybody(protocol).diagnosed()
     assert not names(told)
@@ -132,7 +133,7 @@ def chatting(protocol: str, who: int = 9) -> Conversation:
     return robot(protocol, 16, servos=SERVOS, instead=instead, goals=False)
 
 
-@pytest.mark.parametrize("protocol", NAMED)
+@each_in_turn(2, "protocol", NAMED)
 def test_what_is_torn_behind_one_servo_and_says_that_it_is_anothers_is_that_ones(
     protocol: str,
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging, through_usb, without_clock
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -40,7 +41,7 @@ def looped(
     return talk
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_a_loop_that_gets_slower_and_slower_is_told_so(protocol: str) -> None:
     talk = looped(lambda s: 20 + s, protocol=protocol)
     told = talk.diagnosed()

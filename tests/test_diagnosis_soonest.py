@@ -12,6 +12,7 @@ import pytest
 from sniffer.diagnosis.rules.timing.soonest import by_chance, in_order
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def contact_of(*servos: int) -> Left:
     return left
 
 
-@pytest.mark.parametrize("protocol", ["wck", "rs30x"])
+@each_in_turn(2, "protocol", ["wck", "rs30x"])
 def test_a_driver_that_is_on_for_too_long_takes_most_from_who_answers_soonest(
     protocol: str,
 ) -> None:

@@ -16,6 +16,7 @@ from sniffer.ground.coarse import coarse
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import MS, TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.lists import each_in_turn
 from tests.servos import lss, polled
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def joined_by_a_third(protocol: str, *, was_there: bool) -> Conversation:
     return robot(protocol, 7, servos=(1, 2), before=looks)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_servo_that_is_plugged_in_later_was_not_away(protocol: str) -> None:
     assert not joined_by_a_third(protocol, was_there=False).diagnosed().incidents()
     assert "away-for-a-while" in codes(joined_by_a_third(protocol, was_there=True).diagnosed())
@@ -69,7 +70,7 @@ def test_a_program_that_looks_less_often_at_the_end_does_not_stall(protocol: str
     assert not talk.diagnosed().incidents()
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_pause_that_is_long_for_the_loop_around_it_is_a_stall(protocol: str) -> None:
     beside_a_slower_one = paced(protocol, (60, 100), (1, 160), (450, 25))
     assert "loop-stalls" not in codes(beside_a_slower_one.diagnosed())
@@ -97,7 +98,7 @@ def test_a_program_that_waits_before_it_begins_something_else_does_not_stall(pro
     assert "loop-stalls" not in codes(talk.diagnosed())
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_phases_of_a_period_each_are_no_uneven_loop(protocol: str) -> None:
     parts = [(60, 20 * 1.4**k) for k in range(6)]
     assert not paced(protocol, *parts).diagnosed().incidents()
@@ -205,7 +206,7 @@ def test_a_move_home_behind_the_last_goal_of_a_path_is_no_jump(protocol: str) ->
     assert "goal-jump" not in codes(talk.diagnosed())
 
 
-@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+@each_in_turn(2, "protocol", ["lss", "rs30x"])
 def test_a_log_with_hundredths_of_a_second_tells_of_no_slow_servo(protocol: str) -> None:
     """Whose answer is the next hundredth's is a matter of the loop, and not of the servo."""
     talk = robot(protocol, 10, servos=range(1, 7), rate_hz=11, baud=57600)

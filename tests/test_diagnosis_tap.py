@@ -19,6 +19,7 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import alarms, chunks_of, codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn
 
 PROTOCOLS = tuple(TONGUES)
 ADDRESSED = tuple(name for name in PROTOCOLS if name != "wck")
@@ -95,7 +96,7 @@ def test_answers_of_a_byte_on_the_servos_wire_are_no_strays_at_a_turn() -> None:
     assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_controller_that_breaks_requests_off_is_no_tap_that_loses_bytes(protocol: str) -> None:
     def breaks_off(talk: Conversation, cycle: int) -> None:
         if cycle % 40 == 20:
@@ -160,14 +161,14 @@ def test_wires_as_they_should_be_are_not_swapped() -> None:
     assert not robot("rs30x", 3).diagnosed().incidents()
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "lss"])
 def test_bytes_that_the_driver_says_it_lost_are_the_taps(protocol: str) -> None:
     talk = robot(protocol, 8)
     (incident,) = talk.diagnosed(holes(one_wire(talk), told=True)).incidents()
     assert (incident.cause, incident.servo_ids) == ("tap-loss", ())
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_bytes_that_are_missing_without_a_word_are_the_taps_too(protocol: str) -> None:
     talk = robot(protocol, 12)
     told = talk.diagnosed(holes(one_wire(talk)))
@@ -278,7 +279,7 @@ def parcels_lost(talk: Conversation, size: int, lost: range) -> list[Chunk]:
     return [Chunk(b"".join(left), 0, Clock.NONE)]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_a_parcel_that_is_lost_with_a_request_and_a_part_of_its_answer_is_the_taps(
     protocol: str,
 ) -> None:

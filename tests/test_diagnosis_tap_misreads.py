@@ -8,6 +8,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import in_turn
 
 
 def misread(protocol: str, every: int, *, answered: bool = True) -> Conversation:
@@ -27,6 +28,7 @@ def misread(protocol: str, every: int, *, answered: bool = True) -> Conversation
     return talk
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 @pytest.mark.parametrize("every", [1, 3])
 def test_servos_that_answer_what_is_torn_here_tell_that_the_tap_misreads(

@@ -22,6 +22,7 @@ from tests.conversations import (
     without_clock,
 )
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def stalling(protocol: str, ms: float = 200, every: int = 70) -> Conversation:
     )
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_loop_that_stops_now_and_then_is_the_controllers_stall(protocol: str) -> None:
     incidents = stalling(protocol).diagnosed().incidents()
     assert verdicts(incidents) == [("controller-stall", ())]
@@ -60,7 +61,7 @@ def test_without_a_clock_nothing_is_told_of_stalls() -> None:
     assert not talk.diagnosed(without_clock(talk.chunks)).incidents()
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_pauses_that_missing_answers_explain_are_no_stalls(protocol: str) -> None:
     def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
         if servo != 2 or cycle % 60:
@@ -172,8 +173,8 @@ def test_goals_that_come_while_a_person_moves_a_slider_are_no_uneven_loop() -> N
     assert not talk.diagnosed().incidents()
 
 
-def trembling(protocol: str, part: float, baud: int = BAUD, *, in_turn: int = 1) -> Conversation:
-    """Let cycles begin late; with ``in_turn`` each servo is read in every second cycle or third."""
+def trembling(protocol: str, part: float, baud: int = BAUD, *, turns: int = 1) -> Conversation:
+    """Let cycles begin late; with ``turns`` each servo is read in every second cycle or third."""
     rng = random.Random(5)
     most = part * 50
 
@@ -183,20 +184,20 @@ def trembling(protocol: str, part: float, baud: int = BAUD, *, in_turn: int = 1)
 
     def is_others_turn(talk: Conversation, cycle: int, servo: int) -> bool:
         del talk
-        return (cycle + servo) % in_turn > 0
+        return (cycle + servo) % turns > 0
 
     return robot(protocol, 12, rate_hz=20, before=late, baud=baud, instead=is_others_turn)
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_loop_whose_cycles_differ_by_half_is_uneven(protocol: str) -> None:
     assert verdicts(trembling(protocol, 0.7).diagnosed().incidents()) == [("controller-jitter", ())]
 
 
-@pytest.mark.parametrize("in_turn", [2, 3])
-def test_an_uneven_loop_that_reads_servos_in_turn_is_told(in_turn: int) -> None:
+@pytest.mark.parametrize("turns", [2, 3])
+def test_an_uneven_loop_that_reads_servos_in_turn_is_told(turns: int) -> None:
     """Two cycles are as late as one, so what is asked in every second one seemed steadier."""
-    told = trembling("lss", 0.7, in_turn=in_turn).diagnosed()
+    told = trembling("lss", 0.7, turns=turns).diagnosed()
     assert verdicts(told.incidents()) == [("controller-jitter", ())]
     (jitter,) = (f for f in found(told) if f.code == "loop-jitters")
     assert jitter.value("middle_ns") == pytest.approx(50 * MS, rel=0.1)
@@ -223,9 +224,9 @@ def test_a_loop_that_ends_with_goals_that_nobody_answers_is_timed_like_any(
     assert ("loop-jitters" in codes(talk.diagnosed())) == told
 
 
-@pytest.mark.parametrize("in_turn", [1, 2, 3])
-def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound(in_turn: int) -> None:
-    assert not trembling("rs30x", 0.15, in_turn=in_turn).diagnosed().incidents()
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound(turns: int) -> None:
+    assert not trembling("rs30x", 0.15, turns=turns).diagnosed().incidents()
 
 
 def test_what_trembles_less_than_the_host_is_late_is_not_told() -> None:
@@ -369,7 +370,7 @@ def test_text_lines_that_differ_in_length_make_no_servo_slow_where_the_rate_is_u
     assert "slower-than-peers" not in codes(diagnosed(rows, "lss"))
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_a_host_that_is_late_with_one_answer_in_ten_makes_no_servo_slow(protocol: str) -> None:
     """A tenth of its answers is later than nine tenths of its peers', whoever it is."""
     rng = random.Random(2)

@@ -14,6 +14,7 @@ from sniffer.diagnosis.rules.line.crossings import is_two
 from tests.conversations import Conversation, robot, through_usb, without_clock
 from tests.crossing_rounds import two_rounds
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x, wck
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def turned(rng: random.Random, frame: bytes) -> bytes:
     return frame[:k] + bytes((frame[k] ^ 1 << rng.randrange(8),)) + frame[k + 1 :]
 
 
-@pytest.mark.parametrize("times", [1, 4])
+@each_in_turn(2, "times", [1, 4])
 def test_requests_that_seem_to_run_together_once_are_no_second_controller(times: int) -> None:
     rng = random.Random(4)
     talk = Conversation("rs30x")

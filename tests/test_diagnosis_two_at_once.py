@@ -12,6 +12,7 @@ from sniffer.ground.model import Direction
 from sniffer.ground.registers import RegisterMap, schema_path
 from tests.conversations import Conversation, one_wire, robot, swinging, through_usb
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.servos import lss, suffering
 from tests.streams import rs30x, wck
 from tests.test_diagnosis_beside import torn_read
@@ -229,7 +230,7 @@ def test_a_clock_that_is_off_is_told_beside_bytes_that_the_tap_lost() -> None:
     assert ("clock-drift", (1,)) in told
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "lss"])
 def test_what_noise_leaves_behind_requests_to_a_dead_servo_is_no_answer(protocol: str) -> None:
     rng = random.Random(4)
 
@@ -250,7 +251,7 @@ def test_what_noise_leaves_behind_requests_to_a_dead_servo_is_no_answer(protocol
     assert ("servo-dead", (2,)) in verdicts(told.incidents())
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+@each_in_turn(2, "protocol", ["mightyzap", "rs30x"])
 def test_what_is_lost_of_a_servo_that_is_not_there_is_not_the_taps_loss(protocol: str) -> None:
     def asks(talk: Conversation, cycle: int) -> None:
         if cycle % 8 == 0:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import random
 
-import pytest
-
 from sniffer.diagnosis.physics.uart import both, heard, sent
 from tests.conversations import Conversation, robot, swinging, through_usb, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 from tests.servos import suffering
 
 
@@ -55,7 +54,7 @@ def test_who_speaks_in_step_with_the_controller_is_no_second_servo() -> None:
     assert verdicts(d.incidents()) == [("chatty-device", (3,))]
 
 
-@pytest.mark.parametrize("servo", [2, 3])
+@each_in_turn(2, "servo", [2, 3])
 def test_bare_words_that_go_with_another_servo_are_no_second_answers(servo: int) -> None:
     d = suffering("wck", f"chatty:{servo}:8%", 6.0)  # it speaks before it is asked the next time
     assert "seconds-follow-another" in codes(d)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import random
 
-import pytest
-
 from tests.conversations import robot
 from tests.diagnosed import verdicts
+from tests.lists import each_in_turn
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(3, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_waits_that_end_at_any_time_are_one_uneven_loop(protocol: str) -> None:
     rng = random.Random(protocol)
     talk = robot(protocol, 60, rate_hz=400, before=lambda it, _: it.rest(rng.expovariate(1 / 30)))

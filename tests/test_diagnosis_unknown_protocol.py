@@ -11,6 +11,7 @@ from sniffer.diagnosis.physics.uart import heard, sent
 from sniffer.ground.model import Chunk
 from tests.conversations import Conversation
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.lists import in_turn
 
 Packet = Callable[[int, int, bytes], bytes]
 
@@ -44,6 +45,7 @@ def talk_of(packet: Packet, baud: int = 115200) -> Conversation:
 PACKETS: list[Packet] = [dynamixel1, herkulex]
 
 
+@in_turn(4)
 @pytest.mark.parametrize("packet", PACKETS)
 @pytest.mark.parametrize("named", ["mightyzap", "rs30x", "lss", "wck"])
 def test_packets_of_another_protocol_are_no_wrong_rate(packet: Packet, named: str) -> None:
@@ -52,6 +54,7 @@ def test_packets_of_another_protocol_are_no_wrong_rate(packet: Packet, named: st
     assert "plug-in" in told[0].next
 
 
+@in_turn(3)
 @pytest.mark.parametrize("packet", PACKETS)
 @pytest.mark.parametrize("times", [0.5, 2, 3])
 def test_at_a_wrong_rate_no_packet_is_as_long_as_it_says(packet: Packet, times: float) -> None:

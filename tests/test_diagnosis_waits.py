@@ -10,6 +10,7 @@ from sniffer.diagnosis.acting import SURE
 from sniffer.diagnosis.physics.uart import both, heard, sent
 from tests.conversations import TONGUES, Conversation, robot, swinging
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 SERVOS = (1, 2, 3, 4)
@@ -116,7 +117,7 @@ def test_where_nobody_answers_no_rate_is_sure_and_the_supply_is_looked_at(protoc
     assert "easure the supply at a servo" in incident.next
 
 
-@pytest.mark.parametrize("bits", [22.4, 24.4])
+@each_in_turn(2, "bits", [22.4, 24.4])
 def test_requests_that_always_run_into_answers_are_known_by_those_to_other_servos(
     bits: float,
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +38,7 @@ def resting(
     return talk
 
 
+@in_turn(4)
 @pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
 @pytest.mark.parametrize("sleepers", [(1,), (1, 2, 3)])
 def test_who_is_asked_first_behind_each_rest_and_does_not_answer_was_asleep(

@@ -13,6 +13,7 @@ from sniffer.diagnosis.physics.uart import sent
 from sniffer.ground.model import Chunk, Clock
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn, in_turn
 from tests.streams import mightyzap, rs30x
 
 if TYPE_CHECKING:
@@ -272,6 +273,7 @@ def long_answer(protocol: str, servo: int, s: float) -> bytes:
     return mightyzap.packet(servo, 0, place + b"\0\0\xff\x03" + place + load + load + b"\x78\x21")
 
 
+@in_turn(2)
 @pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
 @pytest.mark.parametrize("fault", ["tap-loss", "bus-noise"])
 def test_what_few_holes_join_is_told_from_what_noise_alters(protocol: str, fault: str) -> None:
@@ -340,13 +342,13 @@ def beside_a_clock_that_is_off(protocol: str, *, holes: bool) -> Conversation:
     return talk
 
 
-@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+@each_in_turn(2, "protocol", ["lss", "rs30x"])
 def test_holes_are_told_beside_a_clock_that_is_off(protocol: str) -> None:
     told = beside_a_clock_that_is_off(protocol, holes=True).diagnosed()
     assert set(verdicts(told.incidents())) == {("clock-drift", (1,)), ("tap-loss", ())}
 
 
-@pytest.mark.parametrize("protocol", ["lss", "rs30x"])
+@each_in_turn(2, "protocol", ["lss", "rs30x"])
 def test_altered_beginnings_are_no_holes_beside_a_clock_that_is_off(protocol: str) -> None:
     told = beside_a_clock_that_is_off(protocol, holes=False).diagnosed()
     assert "pieces-complete" not in codes(told)

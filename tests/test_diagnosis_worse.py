@@ -9,6 +9,7 @@ import pytest
 
 from tests.conversations import BAUD, Conversation, robot, swinging
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn
 
 
 def losing(*, gets_worse: bool) -> Conversation:
@@ -80,7 +81,7 @@ def test_what_gets_worse_is_a_contact_and_no_clock_that_is_off() -> None:
     assert (incident.cause, incident.servo_ids) == ("bad-cable", (3,))
 
 
-@pytest.mark.parametrize("gets_worse", [False, True])
+@each_in_turn(2, "gets_worse", [False, True])
 def test_a_line_on_which_more_and_more_is_damaged_is_told_so_by_quarters(
     *, gets_worse: bool
 ) -> None:

@@ -12,6 +12,7 @@ from tests.conversations import (
     robot,
 )
 from tests.diagnosed import codes, diagnosed, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap, rs30x, wck
 
 PROTOCOLS = tuple(TONGUES)
@@ -67,7 +68,7 @@ def test_a_goal_of_one_byte_is_half_a_register(protocol: str, address: int) -> N
     assert verdicts(told.incidents()) == [("partial-write", (2,))]
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_whole_writes_of_what_may_be_written_are_sound(protocol: str) -> None:
     assert not robot(protocol, 6).diagnosed().incidents()
 
@@ -92,7 +93,7 @@ def keeping(protocol: str, cycles: range) -> Conversation:
     return robot(protocol, 8, behind=also)
 
 
-@pytest.mark.parametrize("protocol", KEEPING)
+@each_in_turn(4, "protocol", KEEPING)
 def test_memory_that_is_written_in_the_loop_wears_out(protocol: str) -> None:
     diagnosis = keeping(protocol, range(0, 10_000, 4)).diagnosed()
     assert verdicts(diagnosis.incidents()) == [("nv-wear", (2,))]
@@ -123,7 +124,7 @@ def test_four_writes_by_hand_or_of_several_values_are_tuning() -> None:
     assert not tuned(20, 100, 180, 260, values=(20, 22)).diagnosed().incidents()
 
 
-@pytest.mark.parametrize("protocol", KEEPING)
+@each_in_turn(4, "protocol", KEEPING)
 def test_memory_that_is_set_up_once_does_not(protocol: str) -> None:
     assert not keeping(protocol, range(2)).diagnosed().incidents()
 
@@ -146,7 +147,7 @@ def too_far(talk: Conversation, cycle: int) -> None:
         talk.write(request)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "lss"])
 def test_goals_beyond_the_manuals_range_are_out_of_range(protocol: str) -> None:
     told = robot(protocol, 6, behind=too_far).diagnosed()
     assert "goal-beyond-range" in codes(told)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import random
 
-import pytest
-
 from tests.conversations import Conversation, swinging, without_clock
 from tests.diagnosed import codes, verdicts
+from tests.lists import each_in_turn
 
 
 def pulses(seed: int) -> Conversation:
@@ -40,7 +39,7 @@ def test_a_length_that_a_pulse_made_longer_took_the_next_request_no_bytes() -> N
     assert "answered-though-torn" not in codes(talk.diagnosed(without_clock(talk.chunks)))
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@each_in_turn(2, "seed", [2, 3])
 def test_a_torn_request_behind_a_write_that_nobody_answers_is_no_answer_to_it(seed: int) -> None:
     """Its own answer follows, which is not that of the write: requests are torn as answers are."""
     talk = pulses(seed)

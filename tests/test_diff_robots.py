@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.commands import within
+from tests.lists import each_in_turn
 from tests.schemas import hold_to
 from tests.test_cli_diagnose import log
 
@@ -24,7 +25,8 @@ def compared(capsys: Capsys, *arguments: str | Path) -> tuple[int, list[dict[str
     return ran.status, found["differences"]
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("protocol", "fault", "servo", "cause"),
     [
         ("mightyzap", "limp:2@5s", 2, "torque-off"),

@@ -25,6 +25,7 @@ from sniffer.ports import Counters
 from sniffer.ports.listing import PortInfo
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import simulate
+from tests.lists import in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -153,6 +154,7 @@ def test_the_line_of_these_tests_is_read_as_it_was_written() -> None:
 # --- bytes, protocol, baud -----------------------------------------------------------------------
 
 
+@in_turn(2)
 @EVERY
 def test_nothing_is_wrong_with_a_good_line(name: str) -> None:
     verdicts = diagnose(heard(name))
@@ -199,6 +201,7 @@ def test_another_protocol_than_the_one_named_is_told() -> None:
     assert verdict.advice == "this is rs30x: sniffer doctor /dev/ttyUSB0=rs30x@115200"
 
 
+@in_turn(4)
 @EVERY
 @pytest.mark.parametrize("factor", [4, 2, 0.5, 0.25])
 def test_the_wrong_baud_is_bad_where_line_errors_are_told(name: str, factor: float) -> None:
@@ -210,6 +213,7 @@ def test_the_wrong_baud_is_bad_where_line_errors_are_told(name: str, factor: flo
     assert said("protocol", misheard(name, baud)).level == Level.BAD
 
 
+@in_turn(4)
 @EVERY
 def test_far_too_fast_is_seen_from_the_bytes_alone(name: str) -> None:
     baud = 4 * PROTOCOLS[name].baud

@@ -15,6 +15,7 @@ from sniffer.decoding.rows import FrameRow, SampleRow, rows
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.model import Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
+from tests.lists import each_in_turn
 from tests.records import batches, records
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned
@@ -137,7 +138,7 @@ def random_talk(rng: np.random.Generator) -> list[bytes]:
     return out
 
 
-@pytest.mark.parametrize("first", range(0, 60, 20))
+@each_in_turn(3, "first", range(0, 60, 20))
 def test_what_is_an_echo_does_not_depend_on_how_the_stream_was_cut(first: int) -> None:
     echoed = 0
     for case in range(first, first + 20):

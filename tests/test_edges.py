@@ -17,7 +17,7 @@ from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.mightyzap.grammar import COMMANDS
-from tests.lists import in_turn, thinned, walks_a_list
+from tests.lists import each_in_turn, in_turn, thinned, walks_a_list
 from tests.records import batches, gaps, records
 from tests.streams import module
 
@@ -50,7 +50,7 @@ def test_every_size_at_the_edges_decodes_as_the_reference_says(servo_id: int, fi
         assert got.samples == want.samples
 
 
-@pytest.mark.parametrize("name", PROTOCOLS)
+@each_in_turn(2, "name", PROTOCOLS)
 @given(data=st.data())
 def test_one_corrupt_byte_costs_only_the_frames_it_touches(name: str, data: st.DataObject) -> None:
     talk = data.draw(st.lists(module(name).TALK, min_size=1, max_size=8).map(b"".join))

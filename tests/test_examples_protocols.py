@@ -39,6 +39,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.packets import MUST, Command, Member
 from sniffer.sinks.tables import frames_table
+from tests.lists import in_turn
 from tests.members import heard, outcomes, protocol, values
 from tests.records import batches, gaps, records
 from tests.streams import chunked
@@ -96,6 +97,7 @@ def test_columns_say_what_the_oracle_says(name: str, data: st.DataObject) -> Non
     assert got.samples == want.samples
 
 
+@in_turn(2)
 @EVERY
 @pytest.mark.parametrize("chain", [pairing.CHAIN, 0], ids=["chain", "no_chain"])
 @given(data=st.data())

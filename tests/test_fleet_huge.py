@@ -36,6 +36,7 @@ from tests.fleets import (
     is_running,
     serial,
 )
+from tests.lists import each_in_turn
 from tests.parted import Inline, recorded
 from tests.plugin import visible
 
@@ -90,7 +91,7 @@ def conversation(protocol: str, seed: int = 4) -> bytes:
     return wire + bytes(range(99)) + wire
 
 
-@pytest.mark.parametrize("protocol", ["wck", "lss"])
+@each_in_turn(2, "protocol", ["wck", "lss"])
 def test_raw_bytes_in_parts_make_the_tables_of_the_whole_byte_for_byte(
     protocol: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -105,7 +106,7 @@ def test_raw_bytes_in_parts_make_the_tables_of_the_whole_byte_for_byte(
     assert table["offset"].to_pylist() == sorted(table["offset"].to_pylist())
 
 
-@pytest.mark.parametrize("ending", ["", "(1700000009.0) what is this\n"], ids=["whole", "damaged"])
+@each_in_turn(2, "ending", ["", "(1700000009.0) what is this\n"], ids=["whole", "damaged"])
 def test_a_log_of_several_buses_in_parts_makes_the_tables_of_the_whole_byte_for_byte(
     ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from tests import hostile
 from tests.commands import conserved, within
 from tests.hostile import ANSWER, ASK, PAIR, Answer, Victim, decoded, frame, sound
+from tests.lists import each_in_turn
 from tests.recordings import START_NS
 
 if TYPE_CHECKING:
@@ -276,7 +277,8 @@ def test_other_commands_take_odd_numbers_as_calmly(
     assert len(answer.err) < 5000
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     "command",
     [
         ("decode", "--summary"),

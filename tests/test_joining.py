@@ -5,13 +5,12 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
-import pytest
-
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.joining import joined, runs
 from sniffer.diagnosis import Diagnosis
 from sniffer.testing.laws import anomalies
 from sniffer.testing.records import gaps, records
+from tests.lists import each_in_turn
 from tests.recordings import talk
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ def passes(protocol: str, seed: int) -> list[Batch]:
     return [b for b in (*out, decoder.close()) if b.data or b.remarks or len(b.anomalies)]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "lss", "rs30x", "wck"])
+@each_in_turn(4, "protocol", ["mightyzap", "lss", "rs30x", "wck"])
 def test_joined_batches_have_the_records_of_all_and_the_same_diagnosis(protocol: str) -> None:
     rng = random.Random(3)
     apart = passes(protocol, 5)

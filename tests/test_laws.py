@@ -15,6 +15,7 @@ from sniffer.ground.codes import NO_RESPONSE, OK
 from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
+from tests.lists import in_turn
 from tests.records import batches, gaps, records
 from tests.streams import bursts, chunked, recut, stream
 from tests.streams.mightyzap import packet as zap
@@ -76,6 +77,7 @@ def test_any_recut_of_the_bytes_with_times_held_gives_equal_records(
     assert gaps(again) == gaps(whole)
 
 
+@in_turn(2)
 @EVERY
 @PIPELINED
 @given(data=st.data())
@@ -97,6 +99,7 @@ def test_with_several_requests_in_flight_a_recut_and_the_reference_give_equal_re
         assert getattr(whole, records_of) == getattr(want, records_of)
 
 
+@in_turn(2)
 @EVERY
 @PIPELINED
 @given(data=st.data())

@@ -12,6 +12,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from sniffer.mcapfile.layout import ATTACHED, layout
 from tests.commands import within
+from tests.lists import each_in_turn, in_turn
 from tests.recordings import record, talk
 from tests.test_convert import CAPTURES, LOG, Capsys
 from tests.test_mcap_live import live
@@ -72,6 +73,7 @@ def in_window(part: Any) -> list[str]:
     return [*in_window(part["first"]), *in_window(part["second"])]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", ["mightyzap_damaged.log", "wck_clean.log"])
 @pytest.mark.parametrize("options", [(), ("--topics", "flat,log")], ids=["all", "flat"])
 def test_every_path_of_a_layout_leads_to_something_that_the_recording_has(
@@ -139,7 +141,7 @@ def test_what_a_live_recording_does_not_index_is_not_listed(tmp_path: Path, caps
     assert "Table!transactions_of_bus0" in printed(capsys, whole)["configById"]
 
 
-@pytest.mark.parametrize("how", [{}, {"size": 1, "flush_ns": 0}])
+@each_in_turn(2, "how", [{}, {"size": 1, "flush_ns": 0}])
 def test_a_recording_that_was_cut_off_has_one_too(
     how: dict[str, int], tmp_path: Path, capsys: Capsys
 ) -> None:

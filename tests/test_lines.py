@@ -183,7 +183,7 @@ def test_the_lines_of_two_protocols_on_one_wire_are_their_rows(
     hold(MixedDecoder(protocols, baud=115200), chunks, data.draw(st.integers(0, 9)))
 
 
-@pytest.mark.parametrize("name", PROTOCOLS)
+@each_in_turn(2, "name", PROTOCOLS)
 def test_what_is_kept_of_lines_is_forgotten_and_made_anew(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

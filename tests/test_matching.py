@@ -111,7 +111,7 @@ def drawn(case: int) -> tuple[Traffic, I64 | None]:
     return traffic, segment
 
 
-@in_turn(3)
+@in_turn(4)
 @pytest.mark.parametrize("first", range(0, 600, 100))
 @pytest.mark.parametrize("sparse", [matching.SPARSE, 1], ids=["usual", "each_looked_at"])
 def test_columns_match_as_the_slow_way_does(

@@ -46,6 +46,7 @@ from sniffer.messages.recording_pb2 import Direction as DirectionMessage
 from sniffer.messages.servo_state_pb2 import ServoState
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
+from tests.lists import in_turn
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def test_chunks_of_every_clock_direction_and_bus_come_back_as_they_went_in_with_
         assert numbers == list(range(len(numbers)))
 
 
+@in_turn(2)
 @EVERY
 def test_messages_are_those_that_are_encoded_one_by_one(name: str, tmp_path: Path) -> None:
     sent = talk(name, 2.0)

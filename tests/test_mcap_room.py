@@ -12,6 +12,7 @@ import pytest
 from sniffer.ground.model import DamagedInputError
 from sniffer.mcapfile.recover import recover
 from sniffer.mcapfile.source import chunks
+from tests.lists import each_in_turn
 from tests.recordings import read
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ sink.close()
 """
 
 
-@pytest.mark.parametrize("room", [100_000, 123_456])
+@each_in_turn(2, "room", [100_000, 123_456])
 def test_a_full_disk_is_told_once_and_what_was_written_stays_readable(
     room: int, tmp_path: Path
 ) -> None:

@@ -23,6 +23,7 @@ from sniffer.protocols import protocol_named
 from sniffer.sinks.raw import LogFile
 from tests.commands import log, talk, within
 from tests.inputs import chunks
+from tests.lists import each_in_turn
 from tests.recordings import START_NS
 from tests.recordings import talk as simulated
 
@@ -207,7 +208,7 @@ def wires(name: str, shift_ns: int = 0, grid_ns: int = 1) -> tuple[list[Chunk], 
     return both
 
 
-@pytest.mark.parametrize("ahead_ms", [20, -20, 1250, -3_600_000])
+@each_in_turn(2, "ahead_ms", [20, -20, 1250, -3_600_000])
 def test_clocks_of_two_wires_that_differ_are_told_and_mended(
     ahead_ms: int, tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -242,7 +243,8 @@ def test_a_tap_that_began_long_before_the_other_tells_its_clock_too(
     assert ran.err.startswith(f"sniffer: the clock of {b} seems to be 0.040 s ahead of ")
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    3,
     ("name", "protocol"),
     [
         ("mightyzap_clean.log", "mightyzap"),

@@ -22,12 +22,12 @@ from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-EVERY = each_in_turn(2, "name", PROTOCOLS)
+EVERY = each_in_turn(4, "name", PROTOCOLS)
 
 LATENCIES: Final = ((1, 1), (4, 4), (16, 16), (1, 16), (16, 1))
 
 
-@in_turn(3)
+@in_turn(5)
 @pytest.mark.parametrize("name", PROTOCOLS)
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 def test_on_a_good_line_every_answer_stands_behind_its_request(
@@ -45,7 +45,7 @@ LEAST: Final = {"wck": {(1, 1): 0.95, (4, 4): 0.9, (16, 16): 0.75, (1, 16): 0.65
 """Answers without a header name nobody: if one is missing, slow stamps fit a wrong one as well."""
 
 
-@in_turn(3)
+@in_turn(5)
 @pytest.mark.parametrize("name", PROTOCOLS)
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 def test_on_a_bad_line_answers_that_name_their_servo_still_find_their_request(
@@ -65,7 +65,7 @@ def test_a_host_that_is_busy_does_no_harm_if_its_delay_counts_as_latency(name: s
     assert merged > 0.99
 
 
-@pytest.mark.parametrize("name", [name for name in PROTOCOLS if name != "lss"])
+@each_in_turn(3, "name", [name for name in PROTOCOLS if name != "lss"])
 def test_a_late_answer_is_still_seen_as_late(name: str) -> None:
     """Not of lss: its window is as long as the simulated controller waits."""
     bus = heard(name, (MS, MS), faults=[Fault("late", 0.2)])

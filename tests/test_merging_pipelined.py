@@ -92,6 +92,7 @@ def test_where_all_are_asked_at_once_every_answer_finds_its_request(
     assert len(found & true) >= 0.9 * len(true)
 
 
+@in_turn(3)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("name", ["lss", "mightyzap"])
 def test_the_wire_whose_reads_come_faster_tells_a_round_from_the_next_though_an_answer_is_missing(

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Capsys = pytest.CaptureFixture[str]
 
-EVERY: Final = each_in_turn(2, "name", PROTOCOLS)
+EVERY: Final = each_in_turn(4, "name", PROTOCOLS)
 HOST_NS: Final = 16 * MS
 
 

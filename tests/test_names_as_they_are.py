@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tests.commands import within
+from tests.lists import in_turn
 from tests.test_names import DAMAGED
 
 
+@in_turn(2)
 @pytest.mark.parametrize("name", ["hip[left]", ":eye:"])
 @pytest.mark.parametrize(
     "command", [("stats",), ("state",), ("diagnose",), ("decode", "--summary")], ids=" ".join

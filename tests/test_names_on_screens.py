@@ -23,6 +23,7 @@ from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
+from tests.lists import each_in_turn
 from tests.test_board_keys import Watching
 from tests.test_names import two_buses
 from tests.test_open import indexed, judged
@@ -194,7 +195,7 @@ def watching() -> Watching:
     return one
 
 
-@pytest.mark.parametrize("width", [80, 140])
+@each_in_turn(2, "width", [80, 140])
 def test_the_board_has_names_beside_ids_and_columns_stay_aligned(
     width: int, watching: Watching
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.commands import sniffer
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.schemas import hold_to
 from tests.test_names import CLEAN, DAMAGED, two_buses
 from tests.test_rerun import read
@@ -164,7 +164,7 @@ def test_what_no_cause_explains_is_told_with_names_of_its_bus(tmp_path: Path) ->
     assert rest.named(ServoNames()) is rest
 
 
-@pytest.mark.parametrize("suffix", [".html", ".md"])
+@each_in_turn(2, "suffix", [".html", ".md"])
 def test_reports_name_the_servos_of_each_bus(suffix: str, both: Path, tmp_path: Path) -> None:
     page = tmp_path / f"run{suffix}"
     assert sniffer("report", both, "-q", "-o", page).status == 0

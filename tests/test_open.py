@@ -62,7 +62,7 @@ def judged(view: LineView) -> LineView:
     return view
 
 
-@in_turn(2)
+@in_turn(4)
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
 def test_the_lines_are_the_frames_and_gaps_that_decoding_tells(path: Path) -> None:
     index = indexed(path)

@@ -89,7 +89,7 @@ def test_keys_are_obeyed_while_words_are_looked_for_and_esc_stops_that(long_capt
     asyncio.run(all_of_it())
 
 
-@in_turn(3)
+@in_turn(4)
 @pytest.mark.parametrize("exchanges", [False, True])
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
 def test_no_line_that_holds_a_text_is_passed_over(path: Path, exchanges: bool) -> None:

@@ -29,6 +29,7 @@ from sniffer.sinks.text import TextSink
 from sniffer.sources import open_source
 from sniffer.sources.stretches import Sizes
 from tests.commands import within
+from tests.lists import in_turn
 from tests.parted import Inline, recorded
 from tests.streams import chunked, stream
 
@@ -101,6 +102,7 @@ def _by_kind(text: str) -> Lines:
     return out
 
 
+@in_turn(2)
 @EVERY
 @FEW
 @given(data=st.data())
@@ -122,6 +124,7 @@ def test_raw_bytes_in_parts_give_the_lines_of_the_whole_whatever_they_are(
     assert split == whole
 
 
+@in_turn(2)
 @EVERY
 @FEW
 @given(data=st.data())
@@ -137,6 +140,7 @@ def test_recordings_in_parts_give_the_lines_of_the_whole(
     assert split == whole
 
 
+@in_turn(2)
 @EVERY
 @FEW
 @given(data=st.data())

@@ -21,6 +21,7 @@ from sniffer.pcapfile.sink import PcapngSink
 from sniffer.pcapfile.source import PcapSource
 from tests.commands import COMMAND, environment, within
 from tests.inputs import chunks
+from tests.lists import each_in_turn
 from tests.pcaps import ANSWER, ASK, T0, WIRESHARK, fields, told, written
 
 Capsys = pytest.CaptureFixture[str]
@@ -42,16 +43,14 @@ def rows(path: Path, *types: str) -> list[dict[str, object]]:
     return [line for line in lines if line["type"] in types]
 
 
-@pytest.mark.parametrize("capture", sorted(CAPTURES.glob("*.[lhb]*")), ids=lambda path: path.name)
+@each_in_turn(3, "capture", sorted(CAPTURES.glob("*.[lhb]*")), ids=lambda path: path.name)
 def test_a_sample_read_back_is_the_same_chunks(capture: Path, tmp_path: Path) -> None:
     out = tmp_path / "x.pcapng"
     convert(capture, [out])
     assert chunks(out) == chunks(capture)
 
 
-@pytest.mark.parametrize(
-    "capture", sorted(CAPTURES.glob("*_damaged.*")), ids=lambda path: path.name
-)
+@each_in_turn(2, "capture", sorted(CAPTURES.glob("*_damaged.*")), ids=lambda path: path.name)
 def test_every_record_is_the_same_when_it_is_read_back(capture: Path, tmp_path: Path) -> None:
     first, again, out = (tmp_path / name for name in ("a.jsonl", "b.jsonl", "x.pcapng"))
     convert(capture, [first, out])

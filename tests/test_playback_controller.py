@@ -19,6 +19,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.selection.places import Window
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import log, talk, within
+from tests.lists import each_in_turn
 from tests.playbacks import CLEAN, playing
 from tests.streams.mightyzap import packet as zap
 from tests.test_playback_line import MS, Noted, Wall
@@ -54,7 +55,7 @@ def both(name: str, output: Path, *, source: Path | None = None) -> PlayedBack:
             return asker.wait()
 
 
-@pytest.mark.parametrize("name", PROTOCOLS)
+@each_in_turn(2, "name", PROTOCOLS)
 def test_what_it_says_and_hears_is_what_was_recorded(name: str, tmp_path: Path) -> None:
     output = tmp_path / "talk.mcap"
     done = both(name, output)

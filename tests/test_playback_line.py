@@ -19,6 +19,7 @@ from sniffer.playback.line import LinePlayer
 from sniffer.selection.places import Window, names_port
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import COMMAND, damaged, environment, log, talk, within
+from tests.lists import each_in_turn
 from tests.playbacks import CLEAN, playing
 from tests.simulations import DEADLINE_S, ear
 from tests.terminals import LINUX_ONLY, heard
@@ -329,7 +330,7 @@ def test_two_protocols_on_one_wire_have_no_servos_to_be_played() -> None:
 # --- as a user runs it -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["ctrl-c", "kill"])
+@each_in_turn(2, "number", [signal.SIGINT, signal.SIGTERM], ids=["ctrl-c", "kill"])
 def test_whoever_ends_it_leaves_no_link_behind(tmp_path: Path, number: int) -> None:
     path, link = tmp_path / "x.log", tmp_path / "bus"
     path.write_text(log(talk(40)))

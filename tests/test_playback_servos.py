@@ -23,6 +23,7 @@ from sniffer.playback.servos import RecordedServos
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.commands import COMMAND, environment
+from tests.lists import in_turn
 from tests.playbacks import CLEAN, DAMAGED, playing, wait_for_recorder
 from tests.simulations import DEADLINE_S, ear
 from tests.streams.mightyzap import packet as zap
@@ -147,6 +148,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     return out
 
 
+@in_turn(2)
 @EVERY_PROTOCOL
 def test_a_controller_hears_what_was_recorded_and_so_does_a_tap(
     recorded: dict[str, list[str]], name: str
@@ -159,6 +161,7 @@ def test_a_controller_hears_what_was_recorded_and_so_does_a_tap(
 # --- what is said to what ----------------------------------------------------------------------
 
 
+@in_turn(2)
 @EVERY_PROTOCOL
 def test_a_damaged_recording_answers_as_it_did_with_all_that_was_torn_and_missing(
     name: str,

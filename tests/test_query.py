@@ -17,6 +17,7 @@ from sniffer.decoding.rows import FrameRow, GapRow
 from sniffer.sinks.relations import RELATIONS
 from tests.commands import Ran, within
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn, in_turn
 from tests.terminals import LINUX_ONLY
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def as_row(record: Any, table: str) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+@each_in_turn(2, "capture", DAMAGED, ids=lambda p: p.name)
 def test_the_tables_hold_the_records_of_the_json_lines(query: Asking, capture: Path) -> None:
     kinds = {"anomaly": "anomalies"}
     records: dict[str, list[Any]] = {name: [] for name in RELATIONS}
@@ -254,6 +255,7 @@ def test_the_library_call_gives_rows() -> None:
     assert [kind for kind, _ in answer] == ["request", "response"]
 
 
+@in_turn(2)
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
 @pytest.mark.parametrize("table", ["frames", "gaps"])
 def test_bytes_are_those_of_the_json_lines_where_a_query_names_them(

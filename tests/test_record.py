@@ -16,6 +16,7 @@ import pytest
 from sniffer.ground.model import Clock, MarkKind
 from sniffer.mcapfile.source import chunks
 from tests.commands import Ran, conserved, sniffer, talk, within
+from tests.lists import each_in_turn
 from tests.recorder import (
     Recorder,
     assert_true_to_itself,
@@ -48,7 +49,7 @@ def line() -> Iterator[Terminal]:
 # --- every byte ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@each_in_turn(4, "protocol", PROTOCOLS)
 def test_what_is_said_is_recorded_and_decoded_as_it_will_be_again(
     tmp_path: Path, line: Terminal, protocol: str
 ) -> None:
@@ -272,7 +273,8 @@ def test_without_a_recording_among_them_the_outputs_are_written_all_the_same(
     assert list(tmp_path.glob("*.mcap")) == []
 
 
-@pytest.mark.parametrize(
+@each_in_turn(
+    2,
     ("there", "output"),
     [
         ("x.mcap", "x.mcap"),

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 DAMAGED: Final = [path for path in captures() if "damaged" in path.name]
 EACH_DAMAGED = each_in_turn(2, "capture", DAMAGED, ids=lambda p: str(p.name))
-EACH = each_in_turn(2, "capture", captures(), ids=lambda p: str(p.name))
+EACH = each_in_turn(4, "capture", captures(), ids=lambda p: str(p.name))
 
 EVIL: Final = "<img/src=x/onerror=alert(1)>"
 

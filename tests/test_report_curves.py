@@ -27,6 +27,7 @@ from sniffer.statistics.figures import Extreme as End
 from sniffer.statistics.grid import BUCKETS, CURVES, FINEST_NS, Grid
 from tests.commands import within
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn
 from tests.recordings import talk
 from tests.test_report import Reader, page_of
 
@@ -85,7 +86,7 @@ def told(collector: Collector) -> tuple[Any, ...]:
     return servos, wires, grid.first_ns, grid.width_ns, grid.size
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(4, "protocol", BUSES)
 @given(data=st.data())
 def test_what_is_collected_does_not_depend_on_how_the_stream_was_cut(
     protocol: str, data: st.DataObject

@@ -6,12 +6,11 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import pytest
-
 from sniffer.mcapfile.sink import McapSink
 from sniffer.reports.markup import sentence, text
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.render import candump, frame_reads
+from tests.lists import each_in_turn
 from tests.recordings import talk as simulated
 from tests.test_report import DAMAGED, Reader, page_of
 
@@ -66,7 +65,7 @@ def test_what_stands_between_backticks_is_code_and_still_no_markup() -> None:
     )
 
 
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda path: path.stem)
+@each_in_turn(4, "capture", DAMAGED, ids=lambda path: path.stem)
 def test_one_byte_is_drawn_once_of_an_incident(
     capture: Path, tmp_path: Path, capsys: Capsys
 ) -> None:

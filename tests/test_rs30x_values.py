@@ -17,7 +17,7 @@ from sniffer.protocols.base import view
 from sniffer.protocols.rs30x.block import PLAN, RETURN_PLAN
 from sniffer.protocols.rs30x.grammar import ACK, MOST_DATA, PACKET, RETURN
 from tests import heard
-from tests.lists import thinned, walks_a_list
+from tests.lists import each_in_turn, thinned, walks_a_list
 from tests.records import batches, records
 from tests.streams.rs30x import TALK, long, packet, raw, reset_with_data, returned, write
 
@@ -221,7 +221,7 @@ def edge(plan_header: bytes, *fields: int, data_bytes: int) -> bytes:
 
 
 @walks_a_list
-@pytest.mark.parametrize("flags", [*range(16), 0x10, 0x20, 0x40])
+@each_in_turn(2, "flags", [*range(16), 0x10, 0x20, 0x40])
 def test_every_request_length_and_count_is_decoded_as_the_reference_does(flags: int) -> None:
     stream = b""
     for count in (0, 1, 2, 3, 31):
@@ -233,7 +233,7 @@ def test_every_request_length_and_count_is_decoded_as_the_reference_does(flags: 
 
 
 @walks_a_list
-@pytest.mark.parametrize("servo_id", [0, 1, 127, 128, 254, 255])
+@each_in_turn(2, "servo_id", [0, 1, 127, 128, 254, 255])
 def test_every_return_length_is_decoded_as_the_reference_does(servo_id: int) -> None:
     stream = b""
     for length in thinned(range(256), 11):
@@ -244,7 +244,7 @@ def test_every_return_length_is_decoded_as_the_reference_does(servo_id: int) -> 
 
 
 @walks_a_list
-@pytest.mark.parametrize("servo_id", [0, 1, 127, 128, 254, 255])
+@each_in_turn(2, "servo_id", [0, 1, 127, 128, 254, 255])
 def test_every_flag_byte_is_decoded_as_the_reference_does(servo_id: int) -> None:
     stream = b""
     for flags in thinned(range(256), 11):

@@ -15,6 +15,7 @@ from sniffer.cli.ports import show
 from sniffer.protocols import PROTOCOLS
 from tests.commands import records, within
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn
 from tests.schemas import hold_to
 from tests.test_ports_list import FTDI, NATIVE
 
@@ -35,7 +36,7 @@ def validated(name: str, rows: Sequence[dict[str, Any]]) -> None:
         hold_to(name, broken)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each_in_turn(3, "model", MODELS)
 def test_registers_are_told_as_their_schema_says(model: str, capsys: Capsys) -> None:
     validated("registers", records(within(capsys, "registers", model, "--format", "jsonl").out))
 

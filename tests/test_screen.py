@@ -25,7 +25,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.screen import BOARD, LINE, LOG, Screen
 from tests.commands import environment
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.terminals import PATIENCE_S
 from tests.wires import feed, lines_of, status_of, wire
 
@@ -155,7 +155,7 @@ def test_the_board_is_drawn_over_itself_and_gives_the_terminal_back(terminal: Te
     assert shown.first == [said, *expected, ""]
 
 
-@pytest.mark.parametrize(("columns", "lines"), [(60, 24), (40, 10), (140, 12), (20, 5)])
+@each_in_turn(4, ("columns", "lines"), [(60, 24), (40, 10), (140, 12), (20, 5)])
 def test_a_terminal_that_changes_its_size_keeps_nothing_of_the_pictures_before(
     terminal: Terminal, columns: int, lines: int
 ) -> None:

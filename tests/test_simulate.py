@@ -15,6 +15,7 @@ from sniffer.simulation import simulate as frames_of
 from sniffer.simulation.play.outlet import HOLD_MOST, FrameWriter
 from sniffer.simulation.play.ports import Pty
 from tests.commands import within
+from tests.lists import each_in_turn, in_turn
 from tests.simulations import DEADLINE_S, ear, framed, heard, running, told
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 EVERY_BUS = pytest.mark.parametrize("name", BUSES)
 
 
+@in_turn(4)
 @EVERY_BUS
 def test_a_reader_gets_exactly_the_bytes_of_the_truth(name: str, tmp_path: Path) -> None:
     truth = tmp_path / "truth.jsonl"
@@ -47,6 +49,7 @@ def test_a_reader_gets_exactly_the_bytes_of_the_truth(name: str, tmp_path: Path)
     assert f"{len(data)} bytes written" in err
 
 
+@in_turn(4)
 @EVERY_BUS
 def test_the_truth_is_that_of_the_generator_and_the_same_for_the_same_seed(
     name: str, tmp_path: Path
@@ -94,6 +97,7 @@ def test_frames_come_in_real_time_and_never_before_their_last_byte(tmp_path: Pat
     assert min(late) > -2_000_000  # not before its time, as far as two clocks agree
 
 
+@in_turn(4)
 @EVERY_BUS
 def test_a_full_line_is_loaded_for_more_than_nine_tenths(name: str) -> None:
     for baud in (BUSES[name].baud, 921600):
@@ -200,7 +204,7 @@ def test_a_reader_that_is_stopped_for_good_costs_frames_and_never_halves() -> No
     assert outlet.lost == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@each_in_turn(2, "number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_cleanly(number: int, tmp_path: Path) -> None:
     truth, link = tmp_path / "truth.jsonl", tmp_path / "bus"
     with running("mightyzap", "--truth", truth, "--link", link) as it, ear(it.ports[0]) as me:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Final
 
-import pytest
 import serial
 
 from sniffer.ground.registers import TYPES
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES
+from tests.lists import each_in_turn
 from tests.simulations import DEADLINE_S, running
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned, write
@@ -65,7 +65,7 @@ ADDRESSED: Final = [
 ]
 
 
-@pytest.mark.parametrize(("name", "model"), ADDRESSED)
+@each_in_turn(2, ("name", "model"), ADDRESSED)
 def test_a_client_reads_back_every_register_that_it_writes(name: str, model: str) -> None:
     with controller(name, "--model", model, "--servos", "1,2") as port:
 

@@ -15,6 +15,7 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES
 from sniffer.simulation.faults import read_fault
 from sniffer.simulation.respond import Responder
+from tests.lists import in_turn
 from tests.simulations import ear, framed, heard, running, told
 from tests.streams import stream
 from tests.streams.mightyzap import packet as zap
@@ -191,6 +192,7 @@ def test_rs30x_servos_answer_what_the_flags_ask_for() -> None:
     ]
 
 
+@in_turn(4)
 @EVERY_BUS
 @given(st.data())
 def test_however_requests_are_split_the_talk_is_the_same_and_nothing_is_lost(

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-EVERY_BUS = each_in_turn(2, "name", BUSES)
+EVERY_BUS = each_in_turn(4, "name", BUSES)
 # A protocol is tested as soon as there is a decoder for it.
-EVERY_DECODED = pytest.mark.parametrize("name", [n for n in BUSES if n in PROTOCOLS])
+EVERY_DECODED = each_in_turn(2, "name", [n for n in BUSES if n in PROTOCOLS])
 
 ALL_FAULTS = tuple(Fault(kind, 0.01) for kind in LINE_FAULTS)
 START = 1_700_000_000 * NS
@@ -189,6 +189,7 @@ def test_a_wrong_name_is_the_callers_mistake() -> None:
 # ---------------------------------------------------------------- the decoders
 
 
+@in_turn(2)
 @EVERY_DECODED
 @pytest.mark.parametrize("usb", [False, True], ids=["by frame", "by usb read"])
 def test_a_clean_run_is_decoded_to_its_truth(name: str, usb: bool) -> None:
@@ -201,6 +202,7 @@ def test_a_clean_run_is_decoded_to_its_truth(name: str, usb: bool) -> None:
         assert got.t_end == [f.t_end_ns for f in frames]
 
 
+@in_turn(2)
 @EVERY_DECODED
 def test_samples_are_the_true_values(name: str) -> None:
     frames = clean(name)
@@ -209,7 +211,7 @@ def test_samples_are_the_true_values(name: str) -> None:
     assert {at: sorted(values) for at, values in got.values.items()} == stated
 
 
-@in_turn(2)
+@in_turn(4)
 @EVERY_DECODED
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_a_damaged_run_is_decoded_as_far_as_it_is_whole(name: str, seed: int) -> None:
@@ -237,6 +239,7 @@ def test_a_damaged_run_is_decoded_as_far_as_it_is_whole(name: str, seed: int) ->
     assert covered >= (0.5 if name in WITHOUT_CHECKSUM else 0.95) * len(torn)
 
 
+@in_turn(4)
 @EVERY_DECODED
 def test_a_late_answer_is_beyond_the_window_and_still_pairs(name: str) -> None:
     frames = list(
@@ -289,7 +292,7 @@ def test_usb_reads_keep_every_byte_and_never_run_ahead_of_the_line(name: str) ->
     assert [t for t, _ in reads] == sorted(t for t, _ in reads)
 
 
-@pytest.mark.parametrize("capture", CAPTURES, ids=lambda c: c.file)
+@each_in_turn(3, "capture", CAPTURES, ids=lambda c: c.file)
 def test_a_rendered_capture_reads_back(capture: object, tmp_path: Path) -> None:
     assert isinstance(capture, type(CAPTURES[0]))
     frames = capture.frames()
@@ -319,7 +322,7 @@ def test_the_sample_captures_are_those_that_the_program_writes(tmp_path: Path) -
     assert {p.name: p.read_bytes() for p in kept.iterdir() if p.name in made} == made
 
 
-@pytest.mark.parametrize("name", ["mightyzap", "rs30x"])
+@each_in_turn(2, "name", ["mightyzap", "rs30x"])
 def test_the_supply_of_many_servos_holds_as_that_of_few_does(name: str) -> None:
     least = []
     for count in (3, 20):

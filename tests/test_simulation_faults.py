@@ -18,7 +18,7 @@ from tests.test_simulation import Decoded
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-EVERY_BUS = each_in_turn(2, "name", BUSES)
+EVERY_BUS = each_in_turn(4, "name", BUSES)
 BEGINS_S: Final = 2.0
 POSITIONS: Final = ("present_position", "position")
 GOALS: Final = ("goal_position",)

@@ -115,7 +115,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
         assert size == 240_000 * times
         return most
 
-    small, large = peak(5), peak(25)
+    small, large = peak(3), peak(12)
     assert large < 1.25 * small
 
 

@@ -22,6 +22,7 @@ from sniffer.ground.model import Chunk, Mark, MarkKind, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
+from tests.lists import in_turn
 from tests.records import gaps, records
 from tests.streams import bursts, chunked, stream
 
@@ -105,6 +106,7 @@ def heard(draw: st.DrawFn, name: str) -> list[Chunk]:
     return chunks
 
 
+@in_turn(2)
 @EVERY
 @FEW
 @given(data=st.data())
@@ -126,6 +128,7 @@ def test_a_decoder_that_goes_on_with_a_state_says_what_the_one_it_is_of_would_ha
     assert second.state().observable() == whole.state().observable()
 
 
+@in_turn(2)
 @EVERY
 @FEW
 @given(data=st.data())
@@ -147,6 +150,7 @@ def test_what_begins_elsewhere_and_states_the_same_at_a_place_says_the_same_from
     assert parts[0] == parts[1]
 
 
+@in_turn(2)
 @EVERY
 def test_what_begins_in_the_middle_of_a_simulated_bus_soon_states_what_the_whole_one_does(
     name: str,

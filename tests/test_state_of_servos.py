@@ -32,7 +32,7 @@ def told(capsys: Capsys, *arguments: str | Path) -> list[dict[str, Any]]:
     return records
 
 
-@in_turn(2)
+@in_turn(3)
 @pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
 def test_what_registers_held_is_what_the_samples_say(capture: Path, capsys: Capsys) -> None:
     pytest.importorskip("pyarrow", reason="samples as a table are the oracle")

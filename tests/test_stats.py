@@ -26,7 +26,7 @@ from sniffer.statistics.flat import COLUMNS, rows
 from sniffer.statistics.told import as_dict
 from tests.commands import Ran, within
 from tests.golden import CAPTURES, captures
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.recordings import talk
 from tests.schemas import hold_to
 from tests.streams.mightyzap import packet
@@ -119,7 +119,7 @@ def test_what_is_told_is_as_the_schema_has_it_and_every_byte_is_accounted_for(
     )
 
 
-@pytest.mark.parametrize("protocol", BUSES)
+@each_in_turn(2, "protocol", BUSES)
 @settings(max_examples=12)
 @given(data=st.data())
 def test_figures_do_not_depend_on_how_the_stream_was_cut(
@@ -148,7 +148,7 @@ def bounds(pairs: Sequence[tuple[int, int]], share: float) -> tuple[int, int]:
     return sorted(low for low, _ in pairs)[place], sorted(high for _, high in pairs)[place]
 
 
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+@each_in_turn(2, "capture", DAMAGED, ids=lambda p: p.name)
 def test_commands_are_counted_as_a_slow_count_of_the_rows_has_it(
     stats: Counting, capture: Path
 ) -> None:
@@ -204,7 +204,7 @@ def test_commands_are_counted_as_a_slow_count_of_the_rows_has_it(
             assert high <= told[1] <= high * BIN + 1
 
 
-@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+@each_in_turn(2, "capture", DAMAGED, ids=lambda p: p.name)
 def test_following_errors_and_extremes_are_those_of_the_samples(
     stats: Counting, capture: Path
 ) -> None:

@@ -17,6 +17,7 @@ import sniffer
 from sniffer.decoding.rows import FrameRow, GapRow
 from tests.commands import within
 from tests.golden import CAPTURES
+from tests.lists import each_in_turn
 from tests.test_stats import MS, counted, exchange
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def test_a_servo_was_heard_first_and_last_when_its_frames_say(
         assert low <= longest <= high
 
 
-@pytest.mark.parametrize("capture", ["mightyzap_damaged.log", "lss_damaged.log", "wck_clean.log"])
+@each_in_turn(3, "capture", ["mightyzap_damaged.log", "lss_damaged.log", "wck_clean.log"])
 def test_the_longest_silence_of_a_bus_is_between_two_things_that_were_heard(
     capture: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

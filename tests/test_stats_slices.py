@@ -16,6 +16,7 @@ from sniffer.ground.model import NS, SnifferError
 from sniffer.statistics.slices import COUNTED, QUANTILES
 from tests.commands import records, two_buses, within
 from tests.golden import captures
+from tests.lists import each_in_turn, in_turn
 from tests.schemas import hold_to
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def in_slices(bus: Mapping[str, Any]) -> dict[str, dict[int, int]]:
     }
 
 
-@pytest.mark.parametrize(("every", "width"), [("1s", NS), ("100ms", NS // 10), ("1min", 60 * NS)])
+@each_in_turn(3, ("every", "width"), [("1s", NS), ("100ms", NS // 10), ("1min", 60 * NS)])
 def test_slices_have_what_a_slow_count_of_the_rows_has(
     every: str, width: int, tmp_path: Path, capsys: Capsys
 ) -> None:
@@ -122,6 +123,7 @@ def test_of_a_selection_in_slices_what_is_selected_is_counted(capsys: Capsys) ->
     assert in_slices(bus)["requests"] == by_hand(rows, "bus0", NS)["requests"]
 
 
+@in_turn(3)
 @pytest.mark.parametrize(("every", "width"), [("1s", NS), ("100ms", NS // 10)])
 @pytest.mark.parametrize("asked", [(), ("--servo", "3"), ("--op", "load_data")])
 def test_response_times_of_a_slice_lie_within_what_a_sort_of_them_tells(

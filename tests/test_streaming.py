@@ -48,8 +48,8 @@ def file_of(path: Path, size: int) -> Path:
 
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
     output = ("-o", str(tmp_path / "x.parquet"), "--force")
-    small = peak(file_of(tmp_path / "6.bin", 6 * MB), *output)
-    large = peak(file_of(tmp_path / "36.bin", 36 * MB), *output)
+    small = peak(file_of(tmp_path / "4.bin", 4 * MB), *output)
+    large = peak(file_of(tmp_path / "20.bin", 20 * MB), *output)
     assert large < 1.25 * small
 
 

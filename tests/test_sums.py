@@ -16,6 +16,7 @@ from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.conversations import Conversation, one_wire, robot
 from tests.diagnosed import codes, found, verdicts
+from tests.lists import each_in_turn
 from tests.streams import mightyzap
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def alone(protocol: str, driver: Driver, cycles: int = 120) -> Conversation:
     return talk
 
 
-@pytest.mark.parametrize(("protocol", "told", "driver"), DRIVERS, ids=named)
+@each_in_turn(2, ("protocol", "told", "driver"), DRIVERS, ids=named)
 def test_what_a_driver_makes_of_a_checksum_is_named(
     protocol: str, told: str, driver: Driver
 ) -> None:
@@ -97,7 +98,7 @@ def test_one_command_with_a_wrong_checksum_among_others_is_told() -> None:
     assert "sums-wrong" in codes(diagnosis)
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
+@each_in_turn(3, "protocol", ["mightyzap", "rs30x", "wck"])
 def test_damage_follows_no_formula(protocol: str) -> None:
     rng = random.Random(9)
     talk = robot(protocol, 8)
@@ -182,7 +183,7 @@ def test_packets_that_state_another_length_than_they_have_are_the_controllers(
     assert "head-wrong" in codes(diagnosis)
 
 
-@pytest.mark.parametrize("requests", [10, 13, 18, 25, 27])
+@each_in_turn(5, "requests", [10, 13, 18, 25, 27])
 def test_from_ten_on_any_number_of_them_is_enough(requests: int) -> None:
     def goals(talk: Conversation, cycle: int) -> None:
         if cycle < requests:

@@ -13,6 +13,7 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import Chunk, Clock, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
+from tests.lists import in_turn
 from tests.records import gaps, records
 from tests.streams import chunked, stream
 
@@ -72,6 +73,7 @@ def told(batches: Sequence[Batch]) -> list[tuple[str, str]]:
     return [(a.code, a.detail) for b in batches for a in b.anomalies]
 
 
+@in_turn(2)
 @EVERY
 @given(data=st.data())
 def test_a_silence_declared_at_any_time_is_one_when_the_recording_is_decoded_again(

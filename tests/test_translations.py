@@ -14,7 +14,7 @@ from sniffer.protocols import PROTOCOLS
 from tests.commands import within
 from tests.conversations import TONGUES, Conversation, one_wire, robot, without_clock
 from tests.diagnosed import codes, diagnosed, found, verdicts
-from tests.lists import in_turn
+from tests.lists import each_in_turn, in_turn
 from tests.streams import rs30x
 from tests.test_diagnosis_tap import holes
 
@@ -164,7 +164,7 @@ def test_a_capture_as_it_was_on_the_wire_was_not_altered(protocol: str) -> None:
     assert translated(data, PROTOCOLS[protocol]) is None
 
 
-@pytest.mark.parametrize("protocol", TONGUES)
+@each_in_turn(4, "protocol", TONGUES)
 def test_lost_and_misread_bytes_are_no_translation(protocol: str) -> None:
     talk = robot(protocol, 6)
     lost = holes(one_wire(talk))

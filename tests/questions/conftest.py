@@ -21,7 +21,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pytest_itemcollected(item: pytest.Item) -> None:
     """Ask each question of some captures, each of them one of other questions."""
     if "capture" in getattr(item, "fixturenames", ()):
-        item.add_marker(in_turn(4))
+        item.add_marker(in_turn(8))
 
 
 @pytest.fixture(params=NAMES)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import pandas as pd
 import pytest
 
 from tests.questions.asking import each
@@ -70,6 +69,8 @@ def test_what_the_servos_complain_of_themselves(capture: Capture, asker: Asker) 
 
 
 def test_how_far_each_joint_was_from_its_goal(capture: Capture, asker: Asker) -> None:
+    import pandas as pd  # half a second, which each worker would spend to collect this file
+
     told = asker.rows(
         "query", "SELECT p.servo_id, max(abs(g.value - p.value)) AS error FROM "
         "(FROM samples WHERE quantity = 'position' AND role = 'measured' AND value IS NOT NULL) p "

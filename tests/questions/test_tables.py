@@ -1,7 +1,7 @@
 """What people ask of a capture: one command answers, and pandas says the same of the tables.
 
 Each question is a pair: what the command says, and what is reckoned from all rows. Everyday runs
-ask each of one protocol, ``make fuzz`` of all four.
+ask each of one protocol, ``make test-thorough`` of all four.
 """
 
 from __future__ import annotations
@@ -325,7 +325,7 @@ CASES: Final = [
 _TOLD: dict[str, Told] = {}
 
 
-@each_in_turn(4, ("text", "protocol"), CASES)
+@each_in_turn(8, ("text", "protocol"), CASES)
 def test_a_question_is_answered_by_one_command_as_pandas_answers_it(
     text: str, protocol: str, tmp_path: Path, capsys: Capsys
 ) -> None:
