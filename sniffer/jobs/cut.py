@@ -232,6 +232,6 @@ def found(
     if not part.spans:
         if undecided is not None:
             raise undecided
-        length = max((b.seconds or 0.0 for b in pipeline.summary.buses.values()), default=0.0)
+        length = pipeline.summary.seconds
         raise InputError(f"nothing was said {asked}: the capture has {length:.3f} s")
     return part

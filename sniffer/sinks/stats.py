@@ -9,6 +9,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
+from sniffer.decoding.summary import UNTIMED
 from sniffer.ground.model import NS
 from sniffer.ground.moments import with_day
 from sniffer.ground.units import word_of
@@ -169,7 +170,7 @@ def _about(
     yield line + (f" ({gaps})" if gaps else "")
     load = bus["load"]
     if load is None:
-        why = "no clock in the input" if bus["frames"] else "no frame in it"
+        why = UNTIMED if bus["frames"] else "no frame in it"
         yield f"{why}: no rates and no times"
         return
     yield f"over {bus['seconds']:.3f} s{_silent(bus, first)}"
