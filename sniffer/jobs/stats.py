@@ -49,7 +49,8 @@ class Tallied:
         """Return it as ``schemas/stats.schema.json`` has it."""
         asked = self.summary.asked()
         told = {"selection": asked} if asked else {}
-        return {"source": self.source, **told, **as_dict(self.statistics)}
+        figures = as_dict(self.statistics, selected="tables" in asked)
+        return {"source": self.source, **told, **figures}
 
 
 def stats(

@@ -27,7 +27,7 @@ from sniffer.sinks.motions import (
 from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
 from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
-from sniffer.statistics.told import OF_SERVOS
+from sniffer.statistics.told import HAVING, OF_SERVOS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -44,10 +44,6 @@ _ENDS: Final = ("first_answer", "last_answer")
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 Row = tuple[Any, ...]
-
-
-HAVING: Final = ("bytes", "commands", "servos", "anomalies", "alarms")
-"""What a bus has something of, if something of it is selected."""
 
 
 def print_stats(
@@ -69,20 +65,11 @@ def print_stats(
     width = tables_in(console)
     has_bars = console.encoding.lower().startswith("utf")
     with unpadded(console, None if has_bars else str.maketrans(BARS, PLAIN_BARS)):
-        for nth, bus in enumerate(_selected(figures["buses"], tables)):
+        for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
             first = (bus["first_ns"] or 0) if began_ns is None else began_ns
             _print_bus(bus, statistics, console, width, first, most, how, tables)
-
-
-def _selected(
-    buses: Sequence[Mapping[str, Any]], tables: Sequence[str] | None
-) -> Sequence[Mapping[str, Any]]:
-    """Return the buses that have something of what is selected; all where none has."""
-    if tables is None:
-        return buses
-    return [bus for bus in buses if any(bus[name] for name in HAVING)] or buses
 
 
 def _print_bus(
