@@ -28,6 +28,10 @@ POINT: Final = 0.1
 """A figure is told as a point if its bounds are no further from it than this share of it."""
 
 
+COARSE_NS: Final = 10_000_000
+"""A duration that is known to 5 ms has no digits of a millisecond."""
+
+
 class Bounds(NamedTuple):
     """A duration as far as the stamps tell it: at least and at most, in ns."""
 
@@ -43,7 +47,8 @@ class Bounds(NamedTuple):
     def ms(self) -> str:
         """Return it in ms: a point, an upper bound, or both bounds."""
         if self.point is not None:
-            return f"{self.point / 1e6:.2f}"
+            digits = 0 if self.high - self.low >= COARSE_NS else 2
+            return f"{self.point / 1e6:.{digits}f}"
         high = f"{self.high / 1e6:.2f}"
         return f"{self.low / 1e6:.2f}-{high}" if 2 * self.low > self.high else f"<{high}"
 

@@ -24,7 +24,7 @@ from sniffer.sinks.motions import (
     step_table,
     unreached_table,
 )
-from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
+from sniffer.sinks.overtime import BARS_MOST, heading_of, over_time
 from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
 from sniffer.statistics.told import HAVING, OF_SERVOS
@@ -108,10 +108,7 @@ def _tables(
     """Return the tables of a bus with their headings."""
     many = len(bus["protocols"]) > 1
     return (
-        (
-            "over time (response times in ms)" if has_replies(bus) else "over time",
-            over_time(bus, width, tables),
-        ),
+        (heading_of(bus, tables), over_time(bus, width, tables)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
