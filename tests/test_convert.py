@@ -147,6 +147,11 @@ def test_nothing_is_replaced_that_nobody_asked_to_be(
             ("x.txt",),
             "x.txt: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log",
         ),
+        (
+            ("x.xlsx",),
+            "x.xlsx: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log, "
+            ".bin, .hex: what reads .xlsx reads .csv, too",
+        ),
         (("x.candump",), "x.candump: lines as candump -L writes them are a .log"),
         (("x.csv", "--hold"), "--hold goes with --wide"),
         (("x.log", "--wide"), "--wide is about tables: name a .csv or a .parquet"),
