@@ -149,8 +149,10 @@ def test_nothing_is_replaced_that_nobody_asked_to_be(
         ),
         (
             ("x.xlsx",),
-            "x.xlsx: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log, "
-            ".bin, .hex: what reads .xlsx reads .csv, too",
+            (
+                "x.xlsx: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log"
+                ", .bin, .hex: what reads .xlsx reads .csv, too"
+            ),
         ),
         (("x.candump",), "x.candump: lines as candump -L writes them are a .log"),
         (("x.csv", "--hold"), "--hold goes with --wide"),
