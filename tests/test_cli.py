@@ -91,7 +91,11 @@ def test_quiet_leaves_what_is_printed_and_says_nothing_beside_it(
 
 def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
-    assert "No such command" in within(capsys, "nix").complaint
+    told = within(capsys, "nix").complaint
+    assert told == "No such command 'nix': `sniffer --help` lists those there are"
+    assert "'decode'" in within(capsys, "filter").complaint
+    told = within(capsys, "registers", "lss", "--where", "1").complaint
+    assert told == "No such option '--where': see `sniffer registers --help`"
     assert within(capsys, "compare", "a.log", "b.log").complaint == (
         "No such command 'compare': did you mean 'diff' (Compare two runs, servo by servo)?"
     )
