@@ -14,9 +14,9 @@ def with_help(error: click.ClickException) -> str:
     """Return what is wrong with a call, and where to read how it is right unless that is said."""
     from sniffer.cli.profiles import blamed
 
-    if isinstance(error, click.NoSuchOption) and not error.option_name.startswith("--h"):
-        error.possibilities = [meant for meant in error.possibilities or () if meant != "--help"]
     told = blamed(error, error.format_message())
+    if isinstance(error, click.NoSuchOption) and not error.option_name.startswith("--h"):
+        told = told.removesuffix(" Did you mean '--help'?")  # some of its letters are in any
     if isinstance(error, click.BadParameter) and (meant := _meant(error)):
         return told.rstrip(".") + meant
     if isinstance(error, click.NoSuchOption) and (why := _otherwise(error)):

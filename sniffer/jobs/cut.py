@@ -22,10 +22,9 @@ from sniffer.jobs.asked import Extract, buses_of
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
-from sniffer.jobs.outputs import CUT
 from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
-from sniffer.messages import OFFSET
+from sniffer.messages import CUT, OFFSET
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
