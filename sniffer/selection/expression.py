@@ -56,6 +56,9 @@ _RESERVED: Final = frozenset(
 ) | {"or", "order", "select", "true", "where"}
 """Words that SQL keeps for itself; a column of such a name stands in double quotes."""
 
+GRADED: Final = "severity"
+"""The column of texts that have an order, which is not that of the alphabet."""
+
 _SAME: Final = {"==": "=", "!=": "<>"}
 _OPPOSITE: Final = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _TURNED: Final = {"=": "=", "<>": "<>", "<": ">", ">": "<", "<=": ">=", ">=": "<="}
@@ -314,6 +317,9 @@ class _Parser:
             kind = "texts" if column.is_text else "numbers"
             wanted = "'...'" if column.is_text else "a number without quotes"
             raise self._wrong(other.token, f"{column.name} holds {kind}: write {wanted}")
+        if not equals and left.name == GRADED:
+            told = f"{GRADED} is a text, and 'error' stands before 'warn' in the alphabet"
+            raise self._wrong(left.token, f"{told}: write {GRADED} IN ('warn', 'error')")
         if equals and left.name in VALUES and not right.name:
             names = VALUES[left.name]
             if right.value not in names:
