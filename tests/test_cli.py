@@ -28,6 +28,10 @@ Capsys = pytest.CaptureFixture[str]
     ("arguments", "told"),
     [
         (["--protocol", "dynamixel"], "'dynamixel' is not one of 'auto', 'mightyzap'"),
+        (
+            ["--protocol", "dynamixel"],
+            "others are declared in a FILE.py of yours (docs/plugins.md)",
+        ),
         (["--model", "9=nix"], "no model 'nix': one of lss, lss-pro, mightyzap-12lf"),
         (["--model", "x=wck"], "'x=wck': write ID=MODEL with an id of 0..255, or MODEL"),
         (["--model", "256=wck"], "'256=wck': write ID=MODEL with an id of 0..255, or MODEL"),

@@ -237,7 +237,8 @@ class ProtocolName(_Name):
             if not is_known(named):
                 known = (*self._beside, *PROTOCOLS)
                 listed = ", ".join(map(repr, known))
-                told = f"{named!r} is not one of {listed}{nearly(named, known)}"
+                others = "; others are declared in a FILE.py of yours (docs/plugins.md)"
+                told = f"{named!r} is not one of {listed}{nearly(named, known) or others}"
                 if param is None or param.param_type_name != "argument":
                     self.fail(told, param, ctx)
                 # its metavar has all names once more
