@@ -59,6 +59,12 @@ _RESERVED: Final = frozenset(
 GRADED: Final = "severity"
 """The column of texts that have an order, which is not that of the alphabet."""
 
+BY_ALPHABET: Final = (
+    f"{GRADED} is a text, and 'error' stands before 'warn' in the alphabet: "
+    f"write {GRADED} IN ('warn', 'error')"
+)
+"""What is said of severities that are compared by more and less."""
+
 _SAME: Final = {"==": "=", "!=": "<>"}
 _OPPOSITE: Final = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _TURNED: Final = {"=": "=", "<>": "<>", "<": ">", ">": "<", "<=": ">=", ">=": "<="}
@@ -318,8 +324,7 @@ class _Parser:
             wanted = "'...'" if column.is_text else "a number without quotes"
             raise self._wrong(other.token, f"{column.name} holds {kind}: write {wanted}")
         if not equals and left.name == GRADED:
-            told = f"{GRADED} is a text, and 'error' stands before 'warn' in the alphabet"
-            raise self._wrong(left.token, f"{told}: write {GRADED} IN ('warn', 'error')")
+            raise self._wrong(left.token, BY_ALPHABET)
         if equals and left.name in VALUES and not right.name:
             names = VALUES[left.name]
             if right.value not in names:
