@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
 from sniffer.inside.filters import filter_of
-from tests.commands import within
+from tests.commands import two_buses, within
 from tests.lists import each_in_turn
 from tests.schemas import hold_to
 
@@ -261,3 +262,14 @@ def test_several_files_are_captures_of_their_own_or_together_one(
         assert ran.status in (0, 1), ran.err
         heads = [line for line in ran.out.splitlines() if line and not line.startswith(" ")]
         assert len(heads) == captures
+
+
+@pytest.mark.parametrize("form", ["text", "json", "csv"])
+def test_figures_of_one_bus_have_no_rows_of_the_others(
+    form: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    capture = two_buses(tmp_path / "two.log", DAMAGED)
+    told = within(capsys, "stats", capture, "--bus", "leg", "--format", form).out
+    assert set(re.findall(r"\b(?:arm|leg)\b", told)) == {"leg"}
+    every = within(capsys, "stats", capture, "--format", form).out
+    assert set(re.findall(r"\b(?:arm|leg)\b", every)) == {"arm", "leg"}

@@ -351,3 +351,9 @@ def test_a_part_that_begins_before_the_capture_says_so(
     ran = within(capsys, "decode", path, "--from", begins, "--to", "22:55:08", "--summary")
     assert ran.status == 0
     assert ("its first byte came after that" in ran.err) == is_early
+
+
+def test_of_a_capture_without_a_frame_nothing_is_said_to_stand_before_the_first() -> None:
+    (told,) = found("wck", Chunk(bytes(range(1, 100))))
+    assert (told.code, told.evidence) == ("capture-start", ((0, 99),))
+    assert told.detail.startswith("99 bytes at the start that no frame claims: 01 02")

@@ -28,6 +28,10 @@ Capsys = pytest.CaptureFixture[str]
     ("arguments", "told"),
     [
         (["--protocol", "dynamixel"], "'dynamixel' is not one of 'auto', 'mightyzap'"),
+        (
+            ["--protocol", "dynamixel"],
+            "others are declared in a FILE.py of yours (docs/plugins.md)",
+        ),
         (["--model", "9=nix"], "no model 'nix': one of lss, lss-pro, mightyzap-12lf"),
         (["--model", "x=wck"], "'x=wck': write ID=MODEL with an id of 0..255, or MODEL"),
         (["--model", "256=wck"], "'256=wck': write ID=MODEL with an id of 0..255, or MODEL"),
@@ -91,7 +95,11 @@ def test_quiet_leaves_what_is_printed_and_says_nothing_beside_it(
 
 def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
-    assert "No such command" in within(capsys, "nix").complaint
+    told = within(capsys, "nix").complaint
+    assert told == "No such command 'nix': `sniffer --help` lists those there are"
+    assert "'decode'" in within(capsys, "filter").complaint
+    told = within(capsys, "registers", "lss", "--where", "1").complaint
+    assert told == "No such option '--where': see `sniffer registers --help`"
     assert within(capsys, "compare", "a.log", "b.log").complaint == (
         "No such command 'compare': did you mean 'diff' (Compare two runs, servo by servo)?"
     )

@@ -156,6 +156,20 @@ def test_a_missing_file_is_named(tmp_path: Path, capsys: Capsys) -> None:
     assert ran.complaint == f"{tmp_path / 'nix'}: there is no such file"
 
 
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("https://robots.example/run.log", "is no file of this machine: fetch it first"),
+        (
+            "socket://10.0.0.7:4000",
+            "is a port: `sniffer record socket://10.0.0.7:4000` listens to it",
+        ),
+    ],
+)
+def test_an_address_is_told_to_be_none_of_a_file(address: str, told: str, capsys: Capsys) -> None:
+    assert within(capsys, "decode", address).complaint == f"{address} {told}"
+
+
 def test_a_name_of_control_characters_cannot_steer_the_terminal(
     tmp_path: Path, capsys: Capsys
 ) -> None:

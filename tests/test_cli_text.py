@@ -290,3 +290,16 @@ def test_the_summary_tells_an_incident_with_the_anomalies_that_it_explains(
 
 
 # --- colour ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_code_is_not_cut_for_it_can_be_asked_for(
+    width: int, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    codes = "damaged-response,device-recovered"
+    told = shown(
+        capsys, monkeypatch, CAPTURES / "mightyzap_damaged.log", width, "--code", codes
+    ).splitlines()
+    assert all(len(line) <= width for line in told)
+    assert sum(" damaged-response " in line for line in told) == 12
+    assert sum(" device-recovered " in line for line in told) == 1

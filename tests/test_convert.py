@@ -147,6 +147,10 @@ def test_nothing_is_replaced_that_nobody_asked_to_be(
             ("x.txt",),
             "x.txt: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log",
         ),
+        (
+            ("x.xlsx",),
+            "x.xlsx: the suffix must be one of ",
+        ),
         (("x.candump",), "x.candump: lines as candump -L writes them are a .log"),
         (("x.csv", "--hold"), "--hold goes with --wide"),
         (("x.log", "--wide"), "--wide is about tables: name a .csv or a .parquet"),
@@ -299,3 +303,9 @@ def test_a_rate_that_a_recording_tells_and_a_log_does_not_is_said(
     assert ran.status == 0
     assert ("do not tell their rate" in ran.err) == bool(said)
     assert said in ran.err
+
+
+def test_what_a_spreadsheet_reads_is_told_for_a_suffix_of_its_own(capsys: Capsys) -> None:
+    complaint = within(capsys, "convert", LOG, "x.xlsx").complaint
+    assert complaint.endswith(" .hex: what reads .xlsx reads .csv, too")
+    assert within(capsys, "convert", LOG, "x.pcap").complaint.endswith(": did you mean .pcapng?")

@@ -213,6 +213,19 @@ def test_a_step_that_is_none_or_goes_without_a_wide_table_is_refused(
 
 
 @pytest.mark.parametrize(
+    ("given", "told"), [("50Hz", "20ms"), ("50 hz", "20ms"), ("3 Hz", "333.333333ms")]
+)
+def test_a_rate_is_told_as_the_step_that_it_is(
+    given: str, told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / "x.csv"
+    ran = within(capsys, "convert", LOG, out, "--wide", "--every", given)
+    assert ran.status == 2
+    assert f"{given!r}: write a time of 1 ms or more, here {told}" in ran.err
+    assert within(capsys, "convert", LOG, out, "--wide", "--every", told).status == 0
+
+
+@pytest.mark.parametrize(
     ("names", "titles"),
     [
         (["bus0:1=elbow", "arm:1=knee"], {"elbow", "knee"}),

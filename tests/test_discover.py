@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import random
 import tomllib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,8 +20,6 @@ from tests.streams.mightyzap import packet
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-    import pytest
 
 FREE = 0xA0
 """Behind all addresses of the table."""
@@ -176,3 +175,51 @@ def test_a_series_is_thinned_the_same_whatever_the_cut(
         assert kept.tolist() == cut.columns()[0].tolist()
         assert len(kept) == n if n <= KEPT else KEPT // 2 <= len(kept) <= KEPT
         assert kept[0] == 0
+
+
+def counting(path: Path, first: int, order: Literal["little", "big"]) -> Path:
+    """Write a log of a servo: a number of two bytes that goes up by one, and a byte of noise."""
+    chance, lines, now = random.Random(7), [], 1_000_000
+    for k in range(700):
+        told = (first + k).to_bytes(2, order, signed=first < 0) + bytes([chance.randrange(256)])
+        for data in (packet(1, 0xF2, bytes([FREE, len(told)])), packet(1, 0, told)):
+            now += 3000
+            lines.append(f"({now / 1e6:.6f}) bus0 #{data.hex()}\n")
+    path.write_text("".join(lines), encoding="ascii")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("first", "order", "kind"),
+    [(0, "little", "u16le"), (0, "big", "u16be"), (-350, "little", "i16le")],
+)
+def test_a_counter_of_two_bytes_is_one_number_though_its_high_byte_hardly_moves(
+    first: int,
+    order: Literal["little", "big"],
+    kind: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    told = lines_of(within(capsys, "discover", counting(tmp_path / "a.log", first, order)))
+    assert told["0xA0"].startswith(kind)
+    assert f"{first}..{first + 699}" in told["0xA0"]
+    assert "a counter: +1 each time" in told["0xA0"]
+    assert told["0xA2"].startswith("u8")
+
+
+def test_bytes_that_move_for_themselves_are_no_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A byte that counts, beside one that moves twice, not where the first one wraps."""
+    lines, now = [], 1_000_000
+    for k in range(700):
+        for data in (
+            packet(1, 0xF2, bytes([FREE, 2])),
+            packet(1, 0, bytes([k % 256, (k + 90) // 256])),
+        ):
+            now += 3000
+            lines.append(f"({now / 1e6:.6f}) bus0 #{data.hex()}\n")
+    (tmp_path / "a.log").write_text("".join(lines), encoding="ascii")
+    told = lines_of(within(capsys, "discover", tmp_path / "a.log"))
+    assert told["0xA0"].startswith("u8")
+    assert told["0xA1"].startswith("u8")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pytest
 from rich.cells import cell_len
+from rich.console import Console
 
 from sniffer.cli.open import _arguments
 from sniffer.decoding.called import ServoNames
@@ -23,6 +25,8 @@ from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
+from sniffer.sinks.consoles import GLUE, glued
+from sniffer.sinks.tabulated import ServoCell, Tabulated
 from tests.lists import each_in_turn
 from tests.test_board_keys import Watching
 from tests.test_names import two_buses
@@ -233,3 +237,16 @@ def test_the_board_is_filtered_by_names(watching: Watching) -> None:
 def test_a_name_on_the_board_that_nobody_has_can_be_mended(watching: Watching) -> None:
     lines = watching.type("servo=tow")
     assert any("no servo is called 'tow': did you mean toe?" in line for line in lines)
+
+
+@pytest.mark.parametrize("width", range(38, 60))
+def test_no_number_and_no_heading_is_cut_for_words_that_could_be_folded(width: int) -> None:
+    table = Tabulated("servo", "command", "asked", "damaged", left=("servo", "command"))
+    table.add_row(ServoCell("3", glued("3 left_knee")), "read", "643", "0 %")
+    table.add_row("", "all others", "at most 5 %", "0 %")
+    out = io.StringIO()
+    Console(file=out, width=width).print(table.table(None, width))
+    told = out.getvalue().replace(GLUE, " ").splitlines()
+    assert told[0].split() == ["servo", "command", "asked", "damaged"]
+    for whole in (" 3 ", "643", "at most 5 %", " 0 %"):
+        assert any(whole in f" {line} " for line in told[1:]), "\n".join(told)

@@ -286,6 +286,8 @@ def test_a_figure_that_the_stamps_do_not_carry_is_no_number() -> None:
     assert Bounds(0, 2_000_000).ms() == "<2.00"
     assert Bounds(9_000_000, 12_000_000).ms() == "9.00-12.00"
     assert Bounds(9_900_000, 10_100_000).ms() == "10.00"
+    assert Bounds(348_100_000, 363_500_000).ms() == "356", "no digits that nobody knows"
+    assert Bounds(355_820_000, 355_830_000).ms() == "355.82"
 
 
 def test_a_servo_that_acknowledges_at_once_is_no_sign_of_a_host_that_holds_bytes() -> None:

@@ -273,3 +273,15 @@ def test_bytes_of_selected_frames_are_theirs(query: Asking) -> None:
     rows = query.rows("SELECT hex FROM frames", ONE, "--servo", "2")
     assert rows
     assert all(row["hex"].startswith("ffffff02") for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("test", "is_told"),
+    [("severity >= 'warn'", True), ("\"severity\" < 'warn'", True), ("severity <> 'note'", False)],
+)
+def test_severities_that_are_compared_by_the_alphabet_are_told_to_be(
+    query: Asking, test: str, is_told: bool
+) -> None:
+    ran = query.says(f"SELECT count(*) FROM anomalies WHERE {test}")
+    assert ran.status == 0
+    assert ("write severity IN ('warn', 'error')" in ran.err) == is_told

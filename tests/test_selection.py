@@ -19,7 +19,7 @@ from sniffer.decoding.rows import Row, as_dict, rows
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
 from sniffer.selection.columns import IS_TEXT, LENT, REALS, TABLES, VALUES
-from sniffer.selection.expression import HEADINGS
+from sniffer.selection.expression import GRADED, HEADINGS
 from sniffer.selection.selection import Selection
 from sniffer.sinks.text import HEAD
 from tests.commands import within
@@ -133,8 +133,11 @@ def comparisons(draw: st.DrawFn, columns: list[str]) -> str:
     negated = draw(st.sampled_from(["", "NOT "]))
     texts = st.sampled_from(VALUES[name]) if name in VALUES else WORDS
     value = texts.map(quoted) if IS_TEXT[name] else NUMBERS
-    form = draw(st.sampled_from(["compare", "turned", "null", "in", "between", "like", "columns"]))
-    sign = draw(st.sampled_from(["=", "<>", "!=", "==", "<", "<=", ">", ">="]))
+    forms = ["compare", "turned", "null", "in", "like", "columns"]
+    signs = ["=", "<>", "!=", "=="]
+    if name != GRADED:
+        forms, signs = [*forms, "between"], [*signs, "<", "<=", ">", ">="]
+    form, sign = draw(st.sampled_from(forms)), draw(st.sampled_from(signs))
     match form:
         case "turned":
             return f"{draw(value)} {sign} {word}"
@@ -234,6 +237,10 @@ COMPLAINTS: Final = {
     "eeprom = 1": (
         ", at 'eeprom = 1' (character 1): there is no such column: where a register stands is "
         "memory, 'volatile' or 'non-volatile'"
+    ),
+    "severity >= 'warn'": (
+        ", at \"severity >= 'warn'\" (character 1): severity is a text, and 'error' stands before "
+        "'warn' in the alphabet: write severity IN ('warn', 'error')"
     ),
     "servo_id =": ", at its end: expected a column, a number or a text",
     "servo_id = 3; drop": (

@@ -137,3 +137,19 @@ def test_a_file_that_is_missing_in_a_row_is_told_with_how_many_bytes(
     whole = within(capsys, "decode", *files, "--format", "jsonl")
     assert "not-decoded" not in whole.out
     assert "none of the files" not in whole.err
+
+
+def test_a_piece_of_a_split_that_is_missing_is_told_with_how_many_bytes(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    assert within(capsys, "cut", CAPTURE, "-o", tmp_path / "x.mcap", "--split", "3s").status == 0
+    first, second, third = sorted(tmp_path.glob("x-*.mcap"))
+    missing = json.loads(within(capsys, "decode", second, "--format", "jsonl").out.splitlines()[-1])
+    ran = within(capsys, "decode", first, third, "--summary")
+    told = f"bus0: {missing['bytes']} bytes before {third} are in none of the files"
+    assert told in ran.err
+    assert "not-decoded" in ran.out
+    for whole in ((first, second, third), (second, third)):
+        ran = within(capsys, "decode", *whole, "--summary")
+        assert "none of the files" not in ran.err
+        assert "not-decoded" not in ran.out

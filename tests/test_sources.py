@@ -283,6 +283,7 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
     [
         (b"\x34\xcd\xb2\xa1\x02\0\x04\0" + bytes(16), "`editcap -F pcapng FILE new.pcapng`"),
         (b"PK\x03\x04" + bytes(30), "zip"),
+        (b"run.log".ljust(257, b"\0") + b"ustar\x0000" + bytes(248), "tar archive"),
         (b"RRF2\0\x29\0\0", "Rerun recording"),
         (b"\x1f\x8b\x08\0\0\0", "cut off before anything is in it"),
         (gzip.compress(gzip.compress(b"ff ff", mtime=0), mtime=0), "gunzip"),

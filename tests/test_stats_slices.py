@@ -234,3 +234,14 @@ def test_anomalies_over_time_tell_of_no_bytes_and_no_load(capsys: Capsys) -> Non
         ["22:55:12", "2", "0"],
         ["22:55:14", "0", "0"],
     ]
+
+
+@pytest.mark.parametrize(
+    ("every", "told"),
+    [("1s", "last slice heard in part"), ("1min", "first and last slice heard in part")],
+)
+def test_slices_that_were_heard_in_part_are_told_beside_their_loads(
+    every: str, told: str, capsys: Capsys
+) -> None:
+    said = within(capsys, "stats", DAMAGED, "--every", every).out
+    assert f" over time (response times in ms; {told})" in said.splitlines()

@@ -129,9 +129,9 @@ def _gap_text(
             how = "then the next one begins" if kind == gaps.TRUNCATED else "then nothing more"
             return f"{length if got == gaps.UNTOLD else got}{need} bytes of a frame, {how}: "
         case _ if not at:
-            return f"{length} bytes before the first frame: "
+            return f"{counted(length, 'byte')} at the start that no frame claims: "
         case _:
-            return f"{length} {'byte' if length == 1 else 'bytes'} that no frame claims: "
+            return f"{counted(length, 'byte')} that no frame claims: "
 
 
 _DOUBTED: Final = (

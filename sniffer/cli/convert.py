@@ -158,6 +158,8 @@ def convert(
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
         say_selected(done.summary, tell)
+        if (untimed := done.summary.untimed()) is not None:
+            tell.talk(untimed)
         tell.talk(wrote(outputs))
     return status
 

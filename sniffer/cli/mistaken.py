@@ -15,12 +15,17 @@ def with_help(error: click.ClickException) -> str:
     from sniffer.cli.profiles import blamed
 
     told = blamed(error, error.format_message())
+    if isinstance(error, click.NoSuchOption) and not error.option_name.startswith("--h"):
+        told = told.removesuffix(" Did you mean '--help'?")  # some of its letters are in any
     if isinstance(error, click.BadParameter) and (meant := _meant(error)):
         return told.rstrip(".") + meant
     if isinstance(error, click.NoSuchOption) and (why := _otherwise(error)):
         return f"No such option '{error.option_name}': {why}"
-    if (unknown := _NO_COMMAND.match(told)) and (others := _who_does(error, unknown[1])):
+    unknown = _NO_COMMAND.match(told)
+    if unknown and (others := _who_does(error, unknown[1])):
         return f"{unknown[0]}: {others}"
+    if unknown and told == f"{unknown[0]}.":  # nothing is like it
+        return f"{unknown[0]}: `sniffer --help` lists those there are"
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
@@ -55,7 +60,7 @@ def _who_does(error: click.ClickException, word: str) -> str:
 
 
 _ALSO_CALLED: Final = {
-    "decode": "show print cat dump parse log read",
+    "decode": "show print cat dump parse log read filter grep search find",
     "stats": "info summary statistics measure rates latency timing jitter",
     "record": "tail watch monitor capture listen sniff live",
     "convert": "export save transform csv parquet",

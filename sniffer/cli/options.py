@@ -13,7 +13,7 @@ import click
 from sniffer.cli.profiles import with_profile
 from sniffer.cli.servos import models, with_names, with_registers
 from sniffer.cli.wires import WIRES, wiring_of
-from sniffer.ground.amounts import time_in
+from sniffer.ground.amounts import period_in, time_as, time_in
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import nearly
@@ -130,7 +130,9 @@ def with_every(least_ns: int, about: str) -> Callable[[Command], Command]:
         ns = None if given is None else time_in(given, bare=True, least=least_ns)
         if given is not None and ns is None:
             least = f"{least_ns / 1e6:g} ms or more"
-            raise click.BadParameter(f"{given!r}: write a time of {least}, such as 1s or 100ms")
+            period_ns = period_in(given, least=least_ns)
+            such = "such as 1s or 100ms" if period_ns is None else f"here {time_as(period_ns)}"
+            raise click.BadParameter(f"{given!r}: write a time of {least}, {such}")
         return ns
 
     return click.option("--every", "every_ns", callback=read, metavar="TIME", help=about)
@@ -235,7 +237,8 @@ class ProtocolName(_Name):
             if not is_known(named):
                 known = (*self._beside, *PROTOCOLS)
                 listed = ", ".join(map(repr, known))
-                told = f"{named!r} is not one of {listed}{nearly(named, known)}"
+                others = "; others are declared in a FILE.py of yours (docs/plugins.md)"
+                told = f"{named!r} is not one of {listed}{nearly(named, known) or others}"
                 if param is None or param.param_type_name != "argument":
                     self.fail(told, param, ctx)
                 # its metavar has all names once more

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.model import I64, NEVER_NS
+from sniffer.ground.model import I64, MS, NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,6 +28,10 @@ POINT: Final = 0.1
 """A figure is told as a point if its bounds are no further from it than this share of it."""
 
 
+LONG_MS: Final = 100
+"""From so many on a duration that is not known to a millisecond is told in whole ones."""
+
+
 class Bounds(NamedTuple):
     """A duration as far as the stamps tell it: at least and at most, in ns."""
 
@@ -43,7 +47,8 @@ class Bounds(NamedTuple):
     def ms(self) -> str:
         """Return it in ms: a point, an upper bound, or both bounds."""
         if self.point is not None:
-            return f"{self.point / 1e6:.2f}"
+            digits = 0 if self.high - self.low >= MS <= self.point / LONG_MS else 2
+            return f"{self.point / 1e6:.{digits}f}"
         high = f"{self.high / 1e6:.2f}"
         return f"{self.low / 1e6:.2f}-{high}" if 2 * self.low > self.high else f"<{high}"
 

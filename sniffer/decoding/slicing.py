@@ -16,7 +16,7 @@ import numpy as np
 from sniffer.anomalies.found import Anomalies
 from sniffer.decoding.partends import BusEnds
 from sniffer.decoding.surrounding import Surroundings
-from sniffer.ground.heard import SteadyTime
+from sniffer.ground.heard import HeardSpan, SteadyTime, span_of
 from sniffer.ground.model import NS, Clock, Mask
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ class Slice:
         self._heard: dict[str, SteadyTime] = {}
         self._steady: dict[str, SteadyTime] = {}
         self._bus_ends: dict[str, BusEnds] = {}
+        self._spans: dict[str, HeardSpan] = {}
         self._newest = 0
         self._stamp = 0
         """The last one that was heard."""
@@ -89,6 +90,8 @@ class Slice:
     @property
     def seconds(self) -> float | None:
         """How long the capture is, as far as it was read; None: nothing was said in it."""
+        if self._spans:
+            return span_of(self._spans.values()) / NS
         return (self._newest - (self._first or 0)) / NS if self._is_heard else None
 
     @property
@@ -107,6 +110,9 @@ class Slice:
             self._first = first_told_ns(self._first, parts)
             self._since = self._ends(self._first)
         batches = [batch for _, batch in parts]
+        for protocol, batch in parts:
+            if len(batch.frames):
+                self._spans.setdefault(bus, HeardSpan()).take(protocol.name, batch.frames)
         records = self._steady.setdefault(bus, SteadyTime()).records(batches)
         if len(records.t_ns):
             self._newest = max(self._newest, int((records.t_ns + records.moved).max()))

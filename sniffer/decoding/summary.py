@@ -15,7 +15,7 @@ from sniffer.decoding.names import AND
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.heard import HeardSpan
+from sniffer.ground.heard import HeardSpan, span_of
 from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Clock, Severity
 
 if TYPE_CHECKING:
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 ROWS: Final = ("frames", "gaps", "transactions", "samples", "anomalies")
 """The kinds of rows, by the names of their tables."""
+
+
+UNTIMED: Final = "no clock in the input"
+"""What is said where no byte has a time."""
 
 
 @dataclass(slots=True)
@@ -215,6 +219,18 @@ class Summary:
         else:
             totals.know(told.get(totals.protocol, {}))
 
+    @property
+    def seconds(self) -> float:
+        """How long the capture is, all buses together, as far as it was read."""
+        return span_of(bus.heard for bus in self.buses.values()) / NS
+
+    def untimed(self) -> str | None:
+        """Return what times are where the input has no clock; None: it has one, or no frame."""
+        for name, bus in self.buses.items():
+            if bus.clock == "none" and bus.kinds.total():
+                return f"{UNTIMED}: times count its bytes{_at(self.paces.get(name))}"
+        return None
+
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what was asked for."""
         self.narrowed.update(told)
@@ -246,6 +262,12 @@ class Summary:
     def asked(self) -> dict[str, Any]:
         """Return what was asked for and how many rows of each kind were selected; empty: all."""
         return {**self.narrowed, **({"shown": dict(self.shown)} if self.shown else {})}
+
+
+def _at(told: Pace | None) -> str:
+    """Return at which rate bytes follow each other that have no stamp."""
+    rate = "" if told is None else f" at {told.baud} baud"
+    return f"{rate}, without the pauses between them"
 
 
 def _timing(told: Pace | None) -> dict[str, Any]:

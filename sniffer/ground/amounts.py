@@ -37,6 +37,17 @@ def time_in(text: str, *, bare: bool, least: int = 1) -> int | None:
     return _product(amount, _NS.get(unit, NS if bare and not unit else None), least)
 
 
+def period_in(text: str, *, least: int = 1) -> int | None:
+    """Return the period of what is told as a rate (``50 Hz``) in ns, None where it is none.
+
+    ``least``: a shorter one is none, in ns.
+    """
+    amount, unit = _parts(text)
+    if unit.lower() != "hz" or amount <= 0:
+        return None
+    return _product(NS / amount, 1, least)
+
+
 def size_in(text: str, *, bare: bool) -> int | None:
     """Return a size in bytes, None where it is none; ``bare``: a number alone is one in bytes."""
     amount, unit = _parts(text)

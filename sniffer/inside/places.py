@@ -10,7 +10,7 @@ import numpy as np
 
 from sniffer.anomalies.found import CODES, SEVERITY
 from sniffer.ground.heard import SteadyTime, was_set
-from sniffer.ground.model import InputError
+from sniffer.ground.model import NS, InputError
 from sniffer.selection.places import END, FOUND, CapturePlace, ambiguous, place_in
 
 if TYPE_CHECKING:
@@ -62,7 +62,13 @@ def line_of(
         t_ns = int(times[line]) + place.shift_ns
     else:
         t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
-    return _within(_first(times >= t_ns), len(lines), text)
+    line = _first(times >= t_ns)
+    if line == len(lines):
+        last_s = (int(times.max()) - int(lines["t"][0])) / NS
+        raise InputError(
+            f"{text} is behind the end: the last line so far is of second {last_s:.3f}"
+        )
+    return line
 
 
 def _steady(lines: Table) -> I64:

@@ -11,6 +11,7 @@ from sniffer.decoding.partends import PartEnds
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
+from sniffer.decoding.summary import UNTIMED
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
@@ -146,7 +147,8 @@ class Extract:
             # stamps that are all before the first one: a clock that is set back may come to them
             nowhere = ends_by_stamp and stop is not None and stop < (first_ns or 0)
             known = "" if nowhere else f"{told_of}{behind if early else ''}"
-            tell.talk(f"a part of it: {self}{known}")
+            untimed = f"; {UNTIMED}: seconds count its bytes" if first_ns is None else ""
+            tell.talk(f"a part of it: {self}{known}{untimed}")
             of_whole = {"first_ns": first_ns, "from_ns": start, "to_ns": stop}
             for sink in told:
                 sink.narrow({"part": str(self), **of_whole})

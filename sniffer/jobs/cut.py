@@ -22,10 +22,9 @@ from sniffer.jobs.asked import Extract, buses_of
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.order import merged
-from sniffer.jobs.outputs import CUT
 from sniffer.jobs.session import undecided_of
 from sniffer.jobs.telling import Teller
-from sniffer.messages import OFFSET
+from sniffer.messages import CUT, OFFSET
 from sniffer.sources.several import inputs_of, joined, name_of, open_capture
 
 if TYPE_CHECKING:
@@ -232,6 +231,6 @@ def found(
     if not part.spans:
         if undecided is not None:
             raise undecided
-        length = max((b.seconds or 0.0 for b in pipeline.summary.buses.values()), default=0.0)
+        length = pipeline.summary.seconds
         raise InputError(f"nothing was said {asked}: the capture has {length:.3f} s")
     return part

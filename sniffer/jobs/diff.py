@@ -78,7 +78,8 @@ class Compared:
             if self.asked and not expected:  # a selection without exchanges says nothing of them
                 frames = sum(run.frames.values())
                 told = f", {counted(frames, 'frame')}" if frames else ""
-            out.append(f"{name}: {source}: {run.seconds:.1f} s{told}")
+            length = "no clock" if run.seconds is None else f"{run.seconds:.1f} s"
+            out.append(f"{name}: {source}: {length}{told}")
         if self.parts:
             out.insert(
                 0, "; ".join(f"{n}: {part}" for n, part in zip(A_B, self.parts, strict=True))
@@ -111,7 +112,7 @@ class Compared:
             **{
                 name.lower(): {
                     "source": source,
-                    "seconds": round(run.seconds, 6),
+                    "seconds": None if run.seconds is None else round(run.seconds, 6),
                     "frames": sum(run.frames.values()),
                     "expected": sum(run.expected.values()),
                     "missing": sum(run.missing.values()),

@@ -25,7 +25,7 @@ from sniffer.ground.files import (
 )
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import and_
-from sniffer.messages import OFFSET, TOOL
+from sniffer.messages import CUT, OFFSET, TOOL
 from sniffer.sinks import BYTES, RECORDING, open_sink, suffix_known
 from sniffer.sinks.raw import RAW_FILES
 
@@ -44,10 +44,6 @@ GONE: Final = "{} is gone: it was deleted or renamed while it was written"
 
 ORIGIN: Final = "origin"
 """Facts ``origin.tool``, ``.source``, ``.written`` of the recording that it was made from."""
-
-CUT: Final = "cut"
-"""Facts of a part of a capture: ``cut.source`` (of what), ``cut.from_ns`` and ``cut.to_ns`` (what
-was asked for), ``cut.offset.<bus>`` (where its first byte stood there)."""
 
 NOBODY: Final = "a capture without names"
 """What stands for the source of what is to tell nobody's name."""

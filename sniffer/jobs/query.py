@@ -17,6 +17,7 @@ from sniffer.ground.needs import need_duckdb, need_pyarrow
 from sniffer.ground.wording import as_text
 from sniffer.jobs.session import Ending
 from sniffer.jobs.through import hear_part
+from sniffer.selection.expression import BY_ALPHABET, GRADED
 from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ _NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
 
 _BARE: Final = re.compile(r"(?<![\"'\w])(offset\b(?!\s*\d)|group\b(?!\s+by\b))(?![\"'])", re.I)
 """A column that SQL takes for a word of its own, as it is not in quotes."""
+
+
+_GRADES: Final = re.compile(rf"\b{GRADED}\b\"?\s*(>|<(?!>))", re.IGNORECASE)
+"""What compares severities by more and less, which SQL takes for words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +135,8 @@ def query(
             named = {name.lower() for name in connection.get_table_names(sql)}
         except duckdb.BinderException:  # it looks for the columns of USING before there are tables
             named = set(_WORDS.findall(sql.lower()))
+    if tell is not None and "anomalies" in named and _GRADES.search(sql):
+        tell.warn(BY_ALPHABET)
     if _SHOW.match(sql):
         named |= RELATIONS.keys()
     if selection is not None and tell is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.options import Options
+from sniffer.decoding.summary import UNTIMED
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.through import hear_part
@@ -48,7 +49,8 @@ class Tallied:
         """Return it as ``schemas/stats.schema.json`` has it."""
         asked = self.summary.asked()
         told = {"selection": asked} if asked else {}
-        return {"source": self.source, **told, **as_dict(self.statistics)}
+        figures = as_dict(self.statistics, selected="tables" in asked)
+        return {"source": self.source, **told, **figures}
 
 
 def stats(
@@ -97,6 +99,8 @@ def stats(
         tell=tell,
     )
     if tell is not None:
+        if every_ns is not None and done.summary.untimed() is not None:
+            tell.warn(Sentence("{told}: {every_ns} has no time to count by", told=UNTIMED))
         for rule in told.unjudged():
             tell.warn(f"the rule {str(rule)!r} judges nothing: no value of that kind was told")
     return Tallied(name_of(source), told, done.ending, done.summary)

@@ -22,6 +22,10 @@ BUS: Final = "servo_sniffer.bus"
 OFFSET: Final = "offset"
 """Facts ``<OFFSET>.<bus>`` of a session: where in the stream a file begins that goes on with it."""
 
+CUT: Final = "cut"
+"""Facts of a part of a capture: ``cut.source`` (of what), ``cut.from_ns`` and ``cut.to_ns`` (what
+was asked for), ``cut.offset.<bus>`` (where its first byte stood there)."""
+
 ANCHOR: Final = ("clock_wall_ns", "clock_monotonic_ns")
 """Facts of a session: two clocks when the recorder began, which all of its files have."""
 

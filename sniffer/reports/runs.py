@@ -13,7 +13,7 @@ from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
 from sniffer.ground.heard import HeardSpan, span_of
-from sniffer.ground.model import MS, NS, Severity
+from sniffer.ground.model import MS, NS, Clock, Severity
 from sniffer.mcapfile.fields import field_name, state_field
 from sniffer.statistics.firstmotion import FirstMotions
 from sniffer.statistics.following import Follower
@@ -99,7 +99,7 @@ class RunFigures:
         f = batch.frames
         self.heard[bus] += len(f)
         self.protocols[bus] = protocol.name
-        if len(f):  # what happens so often does so in all the time
+        if len(f) and batch.clock != Clock.NONE:  # what happens so often does so in all the time
             self.spans.setdefault(bus, HeardSpan()).take(protocol.name, f)
         self._motion(bus, protocol, batch)
         batch = selected(batch)
@@ -120,8 +120,10 @@ class RunFigures:
         """Do nothing."""
 
     @property
-    def seconds(self) -> float:
-        """How long the run was."""
+    def seconds(self) -> float | None:
+        """How long the run was; None where its frames have no time."""
+        if self.heard.total() and not self.spans:
+            return None
         return span_of(self.spans.values()) / NS
 
     def keep(self, bus: str) -> None:
@@ -191,7 +193,7 @@ class RunFigures:
     def _commands(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
         asks = np.flatnonzero(f.kind == REQUEST)
-        timed = batch.clock != 0
+        timed = batch.clock != Clock.NONE
         for who, op, rows in _by(bus, f.servo_id[asks], f.op[asks], asks):
             name = protocol.op_name(op)
             self.requests[who] += len(rows)

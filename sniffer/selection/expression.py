@@ -56,6 +56,15 @@ _RESERVED: Final = frozenset(
 ) | {"or", "order", "select", "true", "where"}
 """Words that SQL keeps for itself; a column of such a name stands in double quotes."""
 
+GRADED: Final = "severity"
+"""The column of texts that have an order, which is not that of the alphabet."""
+
+BY_ALPHABET: Final = (
+    f"{GRADED} is a text, and 'error' stands before 'warn' in the alphabet: "
+    f"write {GRADED} IN ('warn', 'error')"
+)
+"""What is said of severities that are compared by more and less."""
+
 _SAME: Final = {"==": "=", "!=": "<>"}
 _OPPOSITE: Final = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 _TURNED: Final = {"=": "=", "<>": "<>", "<": ">", ">": "<", "<=": ">=", ">=": "<="}
@@ -314,6 +323,8 @@ class _Parser:
             kind = "texts" if column.is_text else "numbers"
             wanted = "'...'" if column.is_text else "a number without quotes"
             raise self._wrong(other.token, f"{column.name} holds {kind}: write {wanted}")
+        if not equals and left.name == GRADED:
+            raise self._wrong(left.token, BY_ALPHABET)
         if equals and left.name in VALUES and not right.name:
             names = VALUES[left.name]
             if right.value not in names:

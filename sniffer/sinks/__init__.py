@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError
 from sniffer.ground.needs import need_pyarrow, need_rerun
-from sniffer.ground.wording import offered
+from sniffer.ground.wording import nearly
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,6 +64,13 @@ BYTES: Final = (".log", ".bin", ".hex")
 _CANDUMP: Final = ".candump"
 """What people call a ``.log`` who know where its form is from."""
 
+_READ_INSTEAD: Final[Mapping[str, str]] = MappingProxyType(
+    dict.fromkeys((".xlsx", ".xls", ".ods", ".tsv"), ".csv")
+    | dict.fromkeys((".mat", ".h5", ".hdf5", ".npz", ".feather", ".pkl"), ".parquet")
+    | dict.fromkeys((".bag", ".db3"), RECORDING)
+)
+"""What programs take in place of a form of their own: spreadsheets, MATLAB and Python, ROS."""
+
 _NEEDS: Final = MappingProxyType(
     {".csv": need_pyarrow, ".parquet": need_pyarrow, ".rrd": need_rerun}
 )
@@ -81,7 +88,9 @@ def suffix_known(path: Path, *, raw: bool = False) -> str:
     if suffix not in known:
         if raw and suffix == _CANDUMP:
             raise OutputError(f"{path}: lines as candump -L writes them are a .log")
-        raise OutputError(f"{path}: the suffix must be {offered(suffix, known)}")
+        meant = _READ_INSTEAD.get(suffix)
+        told = f": what reads {suffix} reads {meant}, too" if meant else nearly(suffix, known)
+        raise OutputError(f"{path}: the suffix must be one of {', '.join(known)}{told}")
     if suffix in _NEEDS:
         _NEEDS[suffix]()
     return suffix

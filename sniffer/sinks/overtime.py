@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.decoding.durations import Bounds
 from sniffer.ground.moments import of_day
+from sniffer.ground.wording import and_
 from sniffer.sinks.tabulated import ROOMY, Tabulated, percent
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ COUNTED_OF: Final = {"missing": "transactions", "errors": "anomalies", "warnings
 REPLY_FIGURES: Final = ("p50", "p95", "max")
 """Response times that have a column."""
 
+PARTLY: Final = 20
+"""A slice of which more than one in so many parts was not heard has a load that looks too small."""
+
 SPARED: Final = ("bytes", "frames", "reply max")
 """Columns over time that are left out where there is no room, these first: load says as much."""
 
@@ -40,8 +44,7 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
     first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
     digits = next((n for n in (0, 3) if width_ns % 10 ** (9 - n) == 0), 6)  # as slices need them
     columns = {"from": [of_day(first_ns + k * width_ns, digits) for k in range(len(shares))]}
-    # none of what nobody asked for is no finding: anomalies alone have no bytes
-    has_bytes = tables is None or any(table != "anomalies" for table in tables)
+    has_bytes = _has_bytes(tables)
     if has_bytes:
         columns["load"] = [percent(share) for share in shares]
     for name, column in slices.items():
@@ -66,6 +69,24 @@ def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) 
     for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
+
+
+def _has_bytes(tables: Sequence[str] | None) -> bool:
+    """Tell whether something with bytes was asked for: of anomalies alone no load is a finding."""
+    return tables is None or any(table != "anomalies" for table in tables)
+
+
+def heading_of(bus: Mapping[str, Any], tables: Sequence[str] | None) -> str:
+    """Return what stands above the rows: what their figures are of."""
+    told = ["response times in ms"] if has_replies(bus) else []
+    if "slices" in bus and _has_bytes(tables):
+        first_ns, width_ns = bus["slices"]["first_ns"], bus["slices"]["slice_ns"]
+        end_ns = first_ns + len(bus["load"]["shares"]) * width_ns
+        part = width_ns // PARTLY
+        edges = ("first", bus["first_ns"] - first_ns), ("last", end_ns - bus["last_ns"])
+        if partly := [name for name, lacks_ns in edges if lacks_ns > part]:
+            told.append(f"{and_(partly)} slice heard in part")
+    return f"over time ({'; '.join(told)})" if told else "over time"
 
 
 def has_replies(bus: Mapping[str, Any]) -> bool:

@@ -16,6 +16,7 @@ from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.decoding.called import ServoNames
 from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
+from sniffer.decoding.summary import UNTIMED
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.streams import UNFOLDED
@@ -120,7 +121,7 @@ def _print_shared(name: str, b: BusTotals, console: Console) -> None:
 def _untimed(b: BusTotals) -> str:
     if b.clock != "none" and not b.kinds.total():
         return "no frame in it: nothing was timed"
-    return "no clock in the input: times are nominal"
+    return f"{UNTIMED}: times are nominal"
 
 
 def _print_bus(

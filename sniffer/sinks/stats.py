@@ -9,6 +9,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from sniffer.decoding.called import SERVO_NAME
+from sniffer.decoding.summary import UNTIMED
 from sniffer.ground.model import NS
 from sniffer.ground.moments import with_day
 from sniffer.ground.units import word_of
@@ -23,10 +24,10 @@ from sniffer.sinks.motions import (
     step_table,
     unreached_table,
 )
-from sniffer.sinks.overtime import BARS_MOST, has_replies, over_time
+from sniffer.sinks.overtime import BARS_MOST, heading_of, over_time
 from sniffer.sinks.tabulated import ROOMY, ServoCell, Tabulated, called, number, percent
 from sniffer.statistics.goalsteps import HELD_NS
-from sniffer.statistics.told import OF_SERVOS
+from sniffer.statistics.told import HAVING, OF_SERVOS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -43,10 +44,6 @@ _ENDS: Final = ("first_answer", "last_answer")
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 Row = tuple[Any, ...]
-
-
-HAVING: Final = ("bytes", "commands", "servos", "anomalies", "alarms")
-"""What a bus has something of, if something of it is selected."""
 
 
 def print_stats(
@@ -68,20 +65,11 @@ def print_stats(
     width = tables_in(console)
     has_bars = console.encoding.lower().startswith("utf")
     with unpadded(console, None if has_bars else str.maketrans(BARS, PLAIN_BARS)):
-        for nth, bus in enumerate(_selected(figures["buses"], tables)):
+        for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
             first = (bus["first_ns"] or 0) if began_ns is None else began_ns
             _print_bus(bus, statistics, console, width, first, most, how, tables)
-
-
-def _selected(
-    buses: Sequence[Mapping[str, Any]], tables: Sequence[str] | None
-) -> Sequence[Mapping[str, Any]]:
-    """Return the buses that have something of what is selected; all where none has."""
-    if tables is None:
-        return buses
-    return [bus for bus in buses if any(bus[name] for name in HAVING)] or buses
 
 
 def _print_bus(
@@ -120,10 +108,7 @@ def _tables(
     """Return the tables of a bus with their headings."""
     many = len(bus["protocols"]) > 1
     return (
-        (
-            "over time (response times in ms)" if has_replies(bus) else "over time",
-            over_time(bus, width, tables),
-        ),
+        (heading_of(bus, tables), over_time(bus, width, tables)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
@@ -169,7 +154,7 @@ def _about(
     yield line + (f" ({gaps})" if gaps else "")
     load = bus["load"]
     if load is None:
-        why = "no clock in the input" if bus["frames"] else "no frame in it"
+        why = UNTIMED if bus["frames"] else "no frame in it"
         yield f"{why}: no rates and no times"
         return
     yield f"over {bus['seconds']:.3f} s{_silent(bus, first)}"

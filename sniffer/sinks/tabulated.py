@@ -63,6 +63,22 @@ class Tabulated:
         least = map(self._least, self._columns, cells)
         return sum(least) + _apart(width) * len(self._columns) <= width
 
+    def _folded(self, rows: Sequence[Sequence[Text | str]], width: int) -> dict[int, int]:
+        """Return how wide each column that is folded is, so that none of the others is cut.
+
+        What no word needs goes to the first of them, as far as they can use it.
+        """
+        cells = [*zip_longest(*rows, fillvalue=""), *([()] * len(self._columns))]
+        least = [*map(self._least, self._columns, cells)]
+        left = width - sum(least) - _apart(width) * len(self._columns)
+        out = {}
+        for k, (name, each) in enumerate(zip(self._columns, cells, strict=False)):
+            if name in self._left - self._whole:
+                whole = max(len(name), *(len(str(cell)) for cell in each), least[k])
+                out[k] = min(whole, least[k] + left)
+                left -= out[k] - least[k]
+        return out
+
     def _least(self, name: str, cells: Sequence[Text | str | ServoCell]) -> int:
         """Return how narrow a column may be."""
         texts = [name, *(cell.plain if isinstance(cell, Text) else str(cell) for cell in cells)]
@@ -89,10 +105,10 @@ class Tabulated:
         if not is_roomy:  # better between a number and its unit than within one of them
             rows = [[c.replace(GLUE, " ") if isinstance(c, str) else c for c in r] for r in rows]
             is_roomy = self._has_room(rows, width)
+        folded = self._folded(rows, width) if is_roomy else {}
         for k, column in enumerate(self._columns):
             if column in self._left - self._whole:  # no word is broken where all have room
-                least = self._least(column, [row[k] for row in rows]) if is_roomy else None
-                out.add_column(column, overflow="fold", min_width=least)
+                out.add_column(column, overflow="fold", width=folded.get(k))
             elif column in self._whole and self._is_crowding([r[k] for r in rows], width):
                 out.add_column(column, overflow="fold", max_width=width // 2)
             elif column in self._whole or k in named:

@@ -22,7 +22,7 @@ from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.intime import FIRST_NS, READ, InTime
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.verdicts import verdicts_of
-from sniffer.sinks.words import FrameWords, fit, selected_in_words, told_apart
+from sniffer.sinks.words import FrameWords, laid_out, selected_in_words, told_apart
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -76,7 +76,6 @@ _STYLES: Final = {
 MARK, LEFT_OUT = "*", "--"
 """What stands before a line that is selected, where others stand around it, and between such
 stretches."""
-
 
 ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
 """What the time of a line counts from: the clock's own zero, the first line of the capture, the
@@ -365,12 +364,13 @@ class TextSink:
             row.insert(1, self._shown.get(bus) or self._shown.setdefault(bus, short(plain(bus))))
         if self._with_bytes:
             row.insert(-1, raw.hex(" ").upper() if raw is not None else "bytes")
-        lay, widths = fit if self._is_cut else str.ljust, self._widths
+        widths = self._widths
         if not (row[1].isascii() and row[2].isascii()):  # names may have signs of two cells
             row_widths = zip(row, widths, strict=True)
             widths = [room + len(cell) - cell_len(cell) for cell, room in row_widths]
-        marked = f"{mark:2}" if self._with_mark else ""
-        return f"{marked}{' '.join(map(lay, row, widths))}".rstrip()
+        whole = 3 + self._with_bus if kind == "!" else None  # a code can be asked for as it is
+        told = laid_out(row, widths, whole, is_cut=self._is_cut)
+        return f"{f'{mark:2}' * self._with_mark}{told}".rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:

@@ -46,6 +46,26 @@ def fit(text: str, width: int) -> str:
     return text[: width - 1] + "…"
 
 
+def laid_out(
+    cells: Sequence[str], widths: Sequence[int], whole: int | None, *, is_cut: bool
+) -> str:
+    """Return cells beside each other, each as wide as its column.
+
+    Args:
+        cells: what stands in them.
+        widths: those of the columns.
+        whole: the cell that is never cut: what it lacks the next one gives; None: there is none.
+        is_cut: whether what is longer than its column is cut.
+    """
+    if not is_cut:
+        return " ".join(map(str.ljust, cells, widths))
+    room = [*widths]
+    if whole is not None:
+        given = min(max(len(cells[whole]) - room[whole], 0), room[whole + 1] - 1)
+        room[whole : whole + 2] = room[whole] + given, room[whole + 1] - given
+    return " ".join(map(fit, cells, room))
+
+
 def told_apart(shown: Mapping[str, str], room: int) -> dict[str, str]:
     """Return names that have room, by what they are of: where they begin alike, their ends."""
     begins = {one: fit(name, room).rstrip() for one, name in shown.items()}

@@ -10,6 +10,7 @@ import contextlib
 import io
 import math
 import os
+import re
 import select
 import stat
 import sys
@@ -289,13 +290,24 @@ def _shown(path: Path) -> str:
     return text if text.isprintable() else ascii(text)
 
 
+def _not_here(path: Path) -> str:
+    """Return what is said of a path at which there is nothing: it may be an address."""
+    shown = _shown(path)
+    if (scheme := re.match(r"(\w{2,}):/", shown)) is None:
+        return f"{shown}: there is no such file"
+    address = shown.replace(":/", "://", 1)  # of two strokes a path keeps one
+    if scheme[1].lower() in ("socket", "rfc2217"):
+        return f"{address} is a port: `sniffer record {address}` listens to it"
+    return f"{address} is no file of this machine: fetch it first"
+
+
 @contextlib.contextmanager
 def _explained(path: Path) -> Iterator[None]:
     """Turn what the system says about ``path`` into an InputError."""
     try:
         yield
     except FileNotFoundError:
-        raise InputError(f"{_shown(path)}: there is no such file") from None
+        raise InputError(_not_here(path)) from None
     except PermissionError:
         raise InputError(f"{_shown(path)}: no permission to read it") from None
     except (OSError, ValueError) as error:

@@ -263,6 +263,10 @@ def decimal_dump() -> InputError:
     return refused("a dump in decimal (od -tu1)", "dump it again with `od -v -tx1`")
 
 
+_TAR_AT: Final = 257
+"""Where in the header of a tar archive its magic stands: POSIX, ustar interchange format."""
+
+
 def refuse_binary(head: bytes, suffix: str = "") -> None:
     """Raise InputError where ``head`` begins a container that is no capture of bytes.
 
@@ -271,6 +275,8 @@ def refuse_binary(head: bytes, suffix: str = "") -> None:
     for magic, what, instead in _MAGICS:
         if head.startswith(magic):
             raise refused(what, instead)
+    if head[_TAR_AT:].startswith(b"ustar"):
+        raise refused("a tar archive", "unpack it and decode what is in it")
     if head.startswith(ZIP_MAGIC):
         if suffix == ".sal" or any(name in head for name in _IN_SAL):
             raise refused("a Saleae capture (.sal)", _LOGIC_2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.ground.files import STDIN
 from sniffer.ground.limits import OFFSET_END, TIME_LEAST_NS, number_in
 from sniffer.ground.model import DamagedInputError, InputError, Mark, MarkKind
-from sniffer.messages import ANCHOR, OFFSET
+from sniffer.messages import ANCHOR, CUT, OFFSET
 from sniffer.sources import open_source
 from sniffer.sources.source import Source
 
@@ -280,7 +280,7 @@ class BusOwners:
 
 
 class _Recorded(NamedTuple):
-    """What a file says of the recorder that it is of, and the buses whose first bytes were read."""
+    """What a file says of the whole that it is of, and the buses whose first bytes were read."""
 
     recorder: tuple[str, ...]
     facts: Mapping[str, str]
@@ -299,7 +299,7 @@ class _Joints:
         """Return what a file says next, with a mark where bytes before it are in none."""
         if part not in self._known:
             facts = part.facts()
-            recorder = tuple(facts.get(key, "") for key in ANCHOR)
+            recorder = tuple(facts.get(key, "") for key in (*ANCHOR, f"{CUT}.source"))
             self._known[part] = _Recorded(recorder, facts, set())
         mine, ends = self._known[part], self._ends
         if not any(mine.recorder):
@@ -309,7 +309,9 @@ class _Joints:
             key = mine.recorder, chunk.bus
             if chunk.bus not in mine.begun:
                 mine.begun.add(chunk.bus)
-                begin = number_in(mine.facts.get(f"{OFFSET}.{chunk.bus}", "0"), 0, OFFSET_END) or 0
+                at = f"{OFFSET}.{chunk.bus}"
+                told = mine.facts.get(f"{CUT}.{at}", mine.facts.get(at, "0"))
+                begin = number_in(told, 0, OFFSET_END) or 0
                 missing = begin - ends.get(key, begin)
                 if missing > 0:
                     mark = Mark(MarkKind.SKIPPED, 0, count=missing)
@@ -392,8 +394,5 @@ def _next(one: _PartRead) -> int:
 
 
 def _first(part: Source) -> int | None:
-    """Return when an input begins; None if its first bytes have no time.
-
-    One without bytes is in nobody's way.
-    """
+    """Return when an input begins; None if its first bytes have no time, 0 if it has none."""
     return next((c.t_ns for g in part for c in g if c.data), 0)

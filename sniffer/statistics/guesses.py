@@ -5,6 +5,7 @@ Every guess is a statement about what was heard, with its numbers, and none abou
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -35,6 +36,9 @@ STEADY: Final = 0.9
 SMOOTHER: Final = 0.5
 """A number of two bytes is so much smoother than its high byte: by half, where one that has nothing
 to do with its neighbour is not at all."""
+
+BY_CHANCE: Final = 10**5
+"""Two bytes that have nothing to do with each other are told to be a number once in so many."""
 
 TURNS: Final = 3
 """Changes of a high byte from which on that can be told."""
@@ -160,10 +164,13 @@ def _word(first: I64, second: I64) -> str:
     """Return the type of two bytes that are one number, ``u8`` where nothing tells.
 
     A number moves more smoothly than its high byte alone, which jumps where the low one wraps; with
-    a low byte that is none of it, it would be as rough. What is rougher than that is left as bytes.
+    a low byte that is none of it, it would be as rough. One that moves little has a high byte that
+    moves with each wrap, and only then. What is rougher than that is left as bytes.
     """
     best, kind = SMOOTHER, "u8"
     for low, high, name in ((first, second, "16le"), (second, first, "16be")):
+        if _carries(low, high):
+            return f"{'i' if (np.abs(np.diff(high)) > 128).any() else 'u'}{name}"
         if int((np.diff(high) != 0).sum()) < TURNS:
             continue
         rough = np.abs(np.diff(high * 256, n=2)).mean()
@@ -174,6 +181,21 @@ def _word(first: I64, second: I64) -> str:
     return kind
 
 
+def _carries(low: I64, high: I64) -> bool:
+    """Tell whether a high byte goes one up or down where the low one wraps, and nowhere else.
+
+    Each step of the number is taken to be less than half of what the low byte holds.
+    """
+    step = np.diff(low)
+    wraps = np.where(step < -128, 1, 0) - np.where(step > 128, 1, 0)
+    carried = (np.diff(high) + 128) % 256 - 128
+    hits = int(((wraps != 0) & (wraps == carried)).sum())
+    most = max(int((wraps != 0).sum()), int((carried != 0).sum()))
+    if not most or hits < STEADY * most:
+        return False
+    return math.comb(len(step), hits) << hits > BY_CHANCE
+
+
 def _describe(guess: FieldGuess, t_ns: I64, raw: I64, heard: SpanBytes, k: int) -> None:
     """Say what a field, from byte ``k`` on, does by itself."""
     if guess.is_constant:
@@ -182,20 +204,28 @@ def _describe(guess: FieldGuess, t_ns: I64, raw: I64, heard: SpanBytes, k: int) 
     guess.what = f"{guess.low}..{guess.high}"
     if guess.count < ENOUGH:
         return
+    counts = _counts(heard.deltas[k + guess.type.endswith("be")])
     if guess.type == "u8":
-        deltas = heard.deltas[k]
-        step = int(deltas.argmax())
-        if step and deltas[step] >= STEADY * deltas.sum():
-            step = step if step < 128 else step - 256
-            guess.what = f"a counter: {step:+d} each time"
+        if counts is not None:
+            guess.what = counts
             return
         values = np.flatnonzero(heard.seen[k])
         if len(values) <= FLAGS:
             guess.what = f"one of {', '.join(map(str, values.tolist()))}"
             _flags(guess, heard.flips[k])
+    elif counts is not None:
+        guess.notes.append(counts)
     steady = None if heard.falls[guess.type][k] else _with_time(t_ns, raw)
     if steady is not None:
         guess.notes.append(f"counts with the time, {steady:.4g} a second")
+
+
+def _counts(deltas: I64) -> str | None:
+    """Return that a byte, or a number by its low byte, counts, if nearly all its steps are one."""
+    step = int(deltas.argmax())
+    if not step or deltas[step] < STEADY * deltas.sum():
+        return None
+    return f"a counter: {step if step < 128 else step - 256:+d} each time"
 
 
 def _flags(guess: FieldGuess, flips: I64) -> None:

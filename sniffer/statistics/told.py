@@ -47,9 +47,21 @@ OF_SERVOS: Final = ("commands", "servos", "anomalies", "alarms")
 """What a bus has that is a servo's."""
 
 
-def as_dict(told: Statistics) -> dict[str, Any]:
-    """Return all figures, bus by bus."""
+HAVING: Final = ("bytes", *OF_SERVOS)
+"""What a bus has something of, if something of it is selected."""
+
+
+def as_dict(told: Statistics, *, selected: bool = False) -> dict[str, Any]:
+    """Return all figures, bus by bus.
+
+    Args:
+        told: the figures.
+        selected: they are those of a selection: of several buses those have a place that have
+            something of it, or all where none has.
+    """
     buses = [_bus(told, bus) for bus in told.wires]
+    if selected:
+        buses = [bus for bus in buses if any(bus[name] for name in HAVING)] or buses
     for bus in buses if told.names else ():
         for key in OF_SERVOS:
             bus[key] = [told.names.beside(bus["bus"], row) for row in bus[key]]
