@@ -14,14 +14,8 @@ from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
-from sniffer.protocols.packets.declare import (
-    ANY,
-    Command,
-    bare,
-    field_named,
-    flag_bits,
-    numbers,
-)
+from sniffer.protocols.packets.declare import ANY, Command
+from sniffer.protocols.packets.fields import bare, field_named, flag_bits, numbers
 from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 

@@ -12,7 +12,7 @@ from sniffer.ground.model import MALFORMED, Gap
 from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
-from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+from sniffer.protocols.packets.fields import bare, field_named, flag_bits, named, numbers
 from sniffer.protocols.packets.form import errors_of
 from sniffer.protocols.packets.listed import column
 from sniffer.protocols.packets.survey import size_place, survey
