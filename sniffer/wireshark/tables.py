@@ -144,7 +144,7 @@ def _packets() -> dict[str, Any]:
         "code_at": plan.at["code"],
         "status_at": plan.at["code"],
         "body_at": plan.tail_at,
-        "answer": family.words[2],
+        "answer": family.terms[2],
         "silent": dict.fromkeys(family.silent, True),
         "anyone": dict.fromkeys(family.anyone, True),
         "servo_id": family.effective("servo_id"),

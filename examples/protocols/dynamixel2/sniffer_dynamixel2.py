@@ -182,7 +182,6 @@ FAMILY: Final = PacketFamily(
         "data_limit": "stroke_limit",
         "access": "packet_not_processable",
     },
-    words=("instruction", "instruction", "status"),
     stuffing=FdBehindHeader(),
 )
 

@@ -150,7 +150,10 @@ class PacketFamily:
     anomalies have others for. Time: an answer takes ``window_ns`` at most, and
     nothing crosses a silence longer than ``tail_ns``. While others are asked, it comes within
     ``reach`` bytes, or those of the longest packet. ``words`` are what the manual calls a code that
-    asks, one that answers, and a response.
+    asks, what stands in its place in an answer, and a response: by default ("instruction", "error",
+    "status") where the error stands there, ("instruction", "instruction", "status") where a
+    constant does, and ("command", "command", "answer") where the code of the request does, or
+    what follows from that.
     """
 
     name: str
@@ -177,7 +180,7 @@ class PacketFamily:
     refusals: int = 0
     alerts: Mapping[int, str] = field(default_factory=dict)
     reports: Mapping[str, str] = field(default_factory=dict)
-    words: tuple[str, str, str] = ("instruction", "error", "status")
+    words: tuple[str, str, str] | None = None
     stuffing: Stuffing | None = None
 
     def __post_init__(self) -> None:
@@ -208,6 +211,15 @@ class PacketFamily:
             return None
         first = bare(self.feedback.subcons[0])
         return first.value[0] if isinstance(first, c.Const) else None
+
+    @functools.cached_property
+    def terms(self) -> tuple[str, str, str]:
+        """What a code that asks is called, what stands in its place in an answer, a response."""
+        if self.words is not None:
+            return self.words
+        if self.echoes or self.answer_code is not None or self.answer_header:
+            return "command", "command", "answer"
+        return "instruction", "error" if self.answers is None else "instruction", "status"
 
     @functools.cached_property
     def asked_by(self) -> dict[int, int]:

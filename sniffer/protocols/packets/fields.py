@@ -34,6 +34,11 @@ def field_named(grammar: Any, name: str) -> Any:
     return dict(named(grammar)).get(name)
 
 
+def unnamed(con: Any) -> Any:
+    """Return the field of a number without the names of its values or bits."""
+    return bare(con.subcon) if isinstance(con, c.Enum | c.FlagsEnum) else con
+
+
 def flag_bits(con: Any) -> dict[int, str]:
     """Return bit number -> name of a field of flags; of any other none."""
     if not isinstance(con, c.FlagsEnum):
