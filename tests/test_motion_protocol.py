@@ -92,7 +92,7 @@ MOVE_POS: Final = bytes.fromhex("050105 B0 00002041 4880"), bytes.fromhex("07010
 def fields_of(family: PacketFamily, said: bytes) -> list[dict[str, Any]]:
     """Return what each frame says beside registers."""
     capture = sniffer.decode(said, protocol=Member(family), input_format="bin")
-    return [row.fields for row in capture if row.type == "frame"]
+    return [row.fields for row in capture if isinstance(row, sniffer.FrameRow)]
 
 
 def answered(feedback: Any, params: bytes) -> dict[str, Any]:
@@ -140,9 +140,10 @@ def test_an_answer_says_a_number_of_any_form_as_its_grammar_reads_it() -> None:
 
 def test_a_goal_is_what_was_sent_and_no_number_that_answers_it() -> None:
     capture = sniffer.decode(b"".join(MOVE_POS), protocol=Member(FAMILY), input_format="bin")
-    samples = [(row.register, row.raw) for row in capture if row.type == "sample"]
+    samples = [(row.register, row.raw) for row in capture if isinstance(row, sniffer.SampleRow)]
     assert samples == [("goal_position", 0x41200000)]
-    assert [row.outcome for row in capture if row.type == "transaction"] == ["ok"]
+    pairs = [row.outcome for row in capture if isinstance(row, sniffer.TransactionRow)]
+    assert pairs == ["ok"]
 
 
 def test_flags_and_enumerations_whose_high_byte_is_the_first_have_their_names() -> None:
