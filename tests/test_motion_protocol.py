@@ -159,6 +159,33 @@ def test_a_number_that_is_none_is_told_as_a_word() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("reports", "told"),
+    [
+        ({"overhaet": "overheating"}, "what overhaet means.*: did you mean overheat?"),
+        ({"error_9": "overload"}, "what error_9 means, and no error of an answer and no value or"),
+    ],
+)
+def test_what_a_fault_means_that_nothing_reports_is_refused(
+    reports: dict[str, str], told: str
+) -> None:
+    feedback = Struct("error" / FlagsEnum(Byte, overheat=1, stall=2), "data" / GreedyBytes)
+    with pytest.raises(DeclarationError, match=told):
+        Member(replace(FAMILY, feedback=feedback, reports=reports))
+
+
+def test_a_fault_may_be_one_of_a_register_or_a_bit_without_a_name() -> None:
+    text = TABLE + 'bits = { "0" = "hot" }\nalarms = [0]\n'
+    feedback = Struct("error" / FlagsEnum(Byte, stall=2), "data" / GreedyBytes)
+    family = replace(
+        FAMILY,
+        feedback=feedback,
+        models=(RegisterMap.from_text(text, "smp.toml"),),
+        reports={"hot": "overheating", "bit3": "overload", "stall": "blocked"},
+    )
+    assert set(Member(family).reports) == {"hot", "bit3", "stall"}
+
+
 def test_the_field_that_tells_a_later_answer_is_a_short_number() -> None:
     move = replace(FAMILY.commands[0xB0], later={"seconds": (2,)})
     with pytest.raises(DeclarationError, match="later names seconds, which is no number in its"):

@@ -13,7 +13,7 @@ from sniffer.anomalies.device import device_code
 from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import protocol_named
-from sniffer.protocols.reports import reports_of
+from sniffer.protocols.reports import reports_of, unheard_of
 from sniffer.testing import laws
 from sniffer.testing.arrange import ARRANGEMENTS, DONE_LATER, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
@@ -167,6 +167,8 @@ class Kit:
         if nothing := [name for name in meant if device_code(name) == "device-alarm"]:
             slug = f"device-{nothing[0].replace('_', '-')}"
             raise AssertionError(f"reports: there is no anomaly {slug}: docs/anomalies.md has them")
+        if wrong := unheard_of(self.protocol):
+            raise AssertionError(wrong)
         return f"{len(self.talk.exchanges)} exchanges, {len(self.talk.scenes)} scenes"
 
     def slow(self) -> str:
