@@ -199,7 +199,7 @@ def test_the_kit_tells_of_a_meaning_that_no_anomaly_has(monkeypatch: pytest.Monk
     with pytest.raises(AssertionError, match="there is no anomaly device-supply"):
         next(one for one in checks(servo, talk) if one.name == "talk")()
     monkeypatch.setattr(servo, "reports", {"voltgae": "input_voltage"})
-    with pytest.raises(AssertionError, match="what voltgae means.*: did you mean voltage?"):
+    with pytest.raises(AssertionError, match=r"what voltgae means.*: did you mean voltage\?"):
         next(one for one in checks(servo, talk) if one.name == "talk")()
 
 

@@ -162,7 +162,7 @@ def test_a_number_that_is_none_is_told_as_a_word() -> None:
 @pytest.mark.parametrize(
     ("reports", "told"),
     [
-        ({"overhaet": "overheating"}, "what overhaet means.*: did you mean overheat?"),
+        ({"overhaet": "overheating"}, r"what overhaet means.*: did you mean overheat\?"),
         ({"error_9": "overload"}, "what error_9 means, and no error of an answer and no value or"),
     ],
 )
