@@ -14,8 +14,8 @@ from sniffer.testing.case import NOTHING, TORN, TalkCase
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.testing.arrange import Others
     from sniffer.testing.facts import Known
+    from sniffer.testing.others import Others
 
 
 def cut(k: Known, others: Others) -> Iterator[TalkCase]:

@@ -21,12 +21,12 @@ from sniffer.testing.arrange import (
     NAMES,
     ONE_SILENT,
     SCENE,
-    Others,
     scene_of,
 )
 from sniffer.testing.coverage import goals, headers, lacking, table_of
 from sniffer.testing.facts import facts_of, known_of, listed, plain
 from sniffer.testing.faults import Suspects, faults_of, planted
+from sniffer.testing.others import Others
 from sniffer.testing.streams import recut
 from sniffer.testing.talk import talk_of
 from sniffer.testing.truth import BEGIN_NS, hear, judged, laid_out, wrong_of
