@@ -20,6 +20,7 @@ from construct import (
     FlagsEnum,
     Float32l,
     GreedyBytes,
+    GreedyRange,
     Int16ub,
     Int16ul,
     Int32sb,
@@ -34,7 +35,7 @@ from sniffer.ground.crc import Crc16
 from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.base import view
-from sniffer.protocols.packets import MUST, Command, Member, Packet, PacketFamily, Seal
+from sniffer.protocols.packets import MUST, NEVER, Command, Member, Packet, PacketFamily, Seal
 
 TABLE: Final = """
 model = "smp"
@@ -184,6 +185,17 @@ def test_a_fault_may_be_one_of_a_register_or_a_bit_without_a_name() -> None:
         reports={"hot": "overheating", "bit3": "overload", "stall": "blocked"},
     )
     assert set(Member(family).reports) == {"hot", "bit3", "stall"}
+
+
+@pytest.mark.parametrize("rest", [Bytes(4), GreedyBytes])
+def test_bytes_of_one_of_several_targets_that_no_field_counts_are_to_be_numbers(rest: Any) -> None:
+    each = Struct("servo_id" / Byte, "data" / rest)
+    several = Command("several", Struct("targets" / GreedyRange(each)), NEVER, at=0xB00)
+    with pytest.raises(DeclarationError, match='as "position" / Int16ul, and at= where they stand'):
+        Member(replace(FAMILY, commands={0xB1: several}))
+    each = Struct("servo_id" / Byte, "position" / Float32l)
+    several = replace(several, params=Struct("targets" / GreedyRange(each)))
+    assert Member(replace(FAMILY, commands={0xB1: several})).op_name(0xB1) == "several"
 
 
 def test_the_field_that_tells_a_later_answer_is_a_short_number() -> None:
