@@ -11,6 +11,7 @@ import pytest
 from sniffer.ground.codes import IF_READ, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
+from sniffer.protocols.base import FieldSpan
 from sniffer.testing import Exchange, Talk, check, checks
 from tests.streams.forms import FORMS, SIZED, said
 from tests.streams.members import example
@@ -342,3 +343,15 @@ def test_what_is_only_ever_said_unasked_is_shown_by_whom_it_was_told_to() -> Non
     missing = failing(vesc, [detect, values], "coverage")
     assert "rotor_position" not in missing
     assert "not shown: set_pos well-formed" in missing
+
+
+class Overlong(Changed):
+    """Takes a frame apart into more bytes than it has."""
+
+    def dissect(self, raw: bytes, row: Any) -> list[FieldSpan]:
+        return [FieldSpan(0, len(raw) + 2, "all", "")]
+
+
+def test_parts_that_lead_beyond_their_frame_are_told_as_that() -> None:
+    told = failing(Overlong(ZAP), SMALL, "law: a frame says what it is")
+    assert "dissect tells of 11 bytes, not 9: FF FF FF" in told

@@ -198,6 +198,9 @@ def test_the_kit_tells_of_a_meaning_that_no_anomaly_has(monkeypatch: pytest.Monk
     talk = [Exchange("ping", packet("feetech", 1, PING), (status("feetech", 1, 0),), {}, ())]
     with pytest.raises(AssertionError, match="there is no anomaly device-supply"):
         next(one for one in checks(servo, talk) if one.name == "talk")()
+    monkeypatch.setattr(servo, "reports", {"voltgae": "input_voltage"})
+    with pytest.raises(AssertionError, match=r"what voltgae means.*: did you mean voltage\?"):
+        next(one for one in checks(servo, talk) if one.name == "talk")()
 
 
 def test_all_servos_answer_a_ping_to_all_of_them() -> None:

@@ -10,8 +10,9 @@ from typing import Any
 import click
 
 from sniffer.cli.options import completing, examples, with_format
-from sniffer.cli.streams import width_of_terminal
+from sniffer.cli.streams import say, width_of_terminal
 from sniffer.ground.codes import ROLES
+from sniffer.ground.entries import doubtful
 from sniffer.ground.registers import Register, RegisterMap
 from sniffer.ground.units import word_of
 from sniffer.ground.wording import offered
@@ -82,6 +83,8 @@ def registers(model: str | None, output_format: str) -> None:
         if nth:
             click.echo()
         _print(table)
+        for what in doubtful(table.registers):
+            say(f"{table.model}: {what}")
 
 
 def _spoken(protocol: str) -> list[RegisterMap]:

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import I64, U8, Mask, Spans
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.ground.plan import Plan
 
 
@@ -190,12 +192,24 @@ def frame_by_plan(plan: Plan, block: Block) -> tuple[Spans, int]:
     return Spans(start, end, np.full(len(start), REQUEST, np.uint8)), decided
 
 
-def frame_by_two_plans(plan: Plan, back: Plan, block: Block) -> tuple[Spans, int]:
-    """Frame a block where answers have a header of their own: ``back`` is the plan of these."""
-    found = [candidates(plan, block), candidates(back, block)]
+def frame_by_plans(plans: Sequence[tuple[Plan, int]], block: Block) -> tuple[Spans, int]:
+    """Frame a block whose packets have several forms: the plan of each, and who speaks so.
+
+    Without a header several may hold at one byte: a CRC's last byte of 0 makes what is before it
+    hold as well. Then the longest is it.
+
+    Args:
+        plans: of each form, with REQUEST or RESPONSE.
+        block: to frame.
+    """
+    found = [candidates(plan, block) for plan, _ in plans]
     start, end, waiting = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    kind = np.repeat(np.array([REQUEST, RESPONSE], np.uint8), [len(f[0]) for f in found])
+    speaks = np.array([kind for _, kind in plans], np.uint8)
+    kind = np.repeat(speaks, [len(f[0]) for f in found])
     order = np.argsort(start, kind="stable")
+    if (start[order[1:]] == start[order[:-1]]).any():
+        order = np.lexsort((-end, start))
     start, end, kind = start[order], end[order], kind[order]
-    rows, decided = settle(start, end, np.sort(waiting), undecided_from(plan, block))
+    undecided = min(undecided_from(plan, block) for plan, _ in plans)
+    rows, decided = settle(start, end, np.sort(waiting), undecided)
     return Spans(start[rows], end[rows], kind[rows]), decided

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, ROLES
+from sniffer.ground.entries import impossible, raw_range
 from sniffer.ground.model import SnifferError
 from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
 from sniffer.ground.toml import quick, text_of
@@ -230,9 +231,12 @@ def _register(entry: Mapping[str, Any], model: str, nth: int) -> Register:
         if key in known and known[key] not in tuple(choice):
             raise ValueError(f"{who}: no {key} {known[key]!r:.40}: one of {', '.join(choice)}")
     try:
-        return _made(known, model)
+        made = _made(known, model)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"{who}: {error}") from error
+    if wrong := impossible(made):
+        raise ValueError(f"{who}: {wrong}")
+    return made
 
 
 def _made(known: dict[str, Any], model: str) -> Register:
@@ -244,8 +248,7 @@ def _made(known: dict[str, Any], model: str) -> Register:
         if key in known:
             known[key] = _ints(known[key])
     if "range" in known:
-        low, high = known["range"]
-        known["range"] = (int(low), int(high))
+        known["range"] = raw_range(known["range"])
     known["role"] = _ROLE[known.get("role", "config")]
     for key in ("alarms", "aliases", "queries", "modifies"):
         known[key] = tuple(known.get(key, ()))

@@ -9,59 +9,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.codes import (
-    MANY,
-    MISMATCHED,
-    NEVER,
-    NO_RESPONSE,
-    NOT_EXPECTED,
-    OK,
-    RESPONSE,
-    UNSOLICITED,
-)
-from sniffer.ground.model import NO_ALT
-from sniffer.testing.case import TORN, TalkCase
+from sniffer.ground.codes import MANY, MISMATCHED, OK, RESPONSE, UNSOLICITED
+from sniffer.testing.broken import cut, damaged, request_damaged, silence_inside
+from sniffer.testing.case import DUE, NOTHING, TalkCase
 from sniffer.testing.facts import plain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from sniffer.protocols.base import BusProtocol
     from sniffer.testing.facts import Known
+    from sniffer.testing.others import Others
     from sniffer.testing.talk import Exchange
-
-FEW: Final = 2
-"""Other exchanges that each one is arranged with, unless all are asked for."""
-
-EVERY: Final = 10_000
-
-
-class Others:
-    """Chooses what an exchange is arranged with: always the same, spread over all there are.
-
-    Only such as nothing else could be taken for: what is hard about an exchange is then its own.
-    """
-
-    def __init__(self, protocol: BusProtocol, known: Sequence[Known], *, thorough: bool) -> None:
-        self.protocol = protocol
-        self.known = [k for k in known if k.is_plain]
-        self.few = EVERY if thorough else FEW
-        self._turn = 0
-
-    def some(self, fits: Callable[[Known], bool]) -> list[Known]:
-        """Return a few that fit, other ones each time."""
-        found = [k for k in self.known if fits(k)]
-        if len(found) <= self.few:
-            return found
-        self._turn += 1
-        first = self._turn * self.few % len(found)
-        return (found + found)[first : first + self.few]
-
-    def places(self, n: int, most: int) -> list[int]:
-        """Return places 0..n-1: all of them, or ``most`` that are spread over them."""
-        if n <= most or self.few == EVERY:
-            return list(range(n))
-        return sorted({k * (n - 1) // (most - 1) for k in range(most)})
 
 
 def answered(k: Known, others: Others) -> Iterator[TalkCase]:
@@ -132,6 +90,21 @@ def answered_twice(k: Known, others: Others) -> Iterator[TalkCase]:
     yield case
 
 
+def one_silent(k: Known, others: Others) -> Iterator[TalkCase]:
+    """Several are listed, and one of them leaves its answer out: it is missed by its id."""
+    e = k.exchange
+    if len(e.replies) < 2 or len(e.listed or ()) != len(e.replies):
+        return
+    for silent in others.places(len(e.replies), 4):
+        case = TalkCase(ONE_SILENT, (e,))
+        at = case.ask(e)
+        for n, raw in enumerate(e.replies):
+            if n != silent:
+                case.pair(at, case.frame(raw, RESPONSE, e.name), OK)
+        case.missing(at, e.owing[silent : silent + 1], DUE if e.due else NOTHING)
+        yield case
+
+
 def another_servos(k: Known, others: Others) -> Iterator[TalkCase]:
     """The answer of another servo, then the right one."""
     if not k.asks_one:
@@ -194,7 +167,7 @@ def late(k: Known, others: Others) -> Iterator[TalkCase]:
         return
     e = k.exchange
     case = TalkCase("answer late", (e,))
-    case.pair(case.ask(e), -1, NO_RESPONSE, NOT_EXPECTED)
+    case.missing(case.ask(e), e.owing, NOTHING)
     for raw in e.replies:
         case.silence()
         case.stray(raw, stands_alone=k.stands_alone)
@@ -210,120 +183,6 @@ def stray_byte(k: Known, others: Others) -> Iterator[TalkCase]:
         case.noise(b"\0")
         case.answer(k.exchange, at)
         yield case
-
-
-def cut(k: Known, others: Others) -> Iterator[TalkCase]:
-    """The answer cut anywhere; a silence or the next request behind it."""
-    if not k.answers:
-        return
-    e, raw = k.exchange, k.exchange.replies[0]
-    for n in others.places(len(raw), 4)[1:]:
-        for o in others.some(_is_healthy)[:1]:
-            for silent in (True, False):
-                case = TalkCase("answer cut", (e, o.exchange))
-                case.pair(case.ask(e), -1, *TORN)
-                case.noise(raw[:n])
-                if silent:
-                    case.silence()
-                case.exchange(o.exchange)
-                yield case
-
-
-def damaged(k: Known, others: Others) -> Iterator[TalkCase]:
-    """One bit of the answer flipped anywhere; then the next exchange."""
-    if not k.answers:
-        return
-    e, raw = k.exchange, k.exchange.replies[0]
-    for broken in _flipped(others, raw):
-        for o in others.some(_is_healthy)[:1]:
-            case = TalkCase("answer damaged", (e, o.exchange))
-            at = case.ask(e)
-            case.noise(broken)
-            if k.request.reply == MANY and len(e.replies) > 1:
-                for other in e.replies[1:]:
-                    case.pair(at, case.frame(other, RESPONSE, e.name), OK)
-            else:
-                case.pair(at, -1, *TORN)
-                for other in e.replies[1:]:
-                    case.stray(other, stands_alone=k.stands_alone)
-            case.exchange(o.exchange)
-            yield case
-
-
-def request_damaged(k: Known, others: Others) -> Iterator[TalkCase]:
-    """One bit of the request flipped anywhere: whoever answers all the same is not asked."""
-    e = k.exchange
-    for broken in _flipped(others, e.request):
-        for o in others.some(_is_healthy)[:1]:
-            case = TalkCase("request damaged", (e, o.exchange))
-            case.noise(broken)
-            for raw in e.replies:
-                case.stray(raw, stands_alone=k.stands_alone)
-            case.exchange(o.exchange)
-            yield case
-
-
-def silence_inside(k: Known, others: Others) -> Iterator[TalkCase]:
-    """A silence at every boundary of request and answers: nothing leads across it."""
-    e = k.exchange
-    frames = (e.request, *e.replies)
-    for at in others.places(len(e.data), 24)[1:]:
-        case = TalkCase("silence inside", (e,))
-        begin, asked, torn, answers = 0, -1, False, 0
-        for n, raw in enumerate(frames):
-            inside = begin < at < begin + len(raw)
-            behind = at <= begin
-            if n == 0 and not inside:
-                asked = case.ask(e)
-            elif inside:
-                torn = torn or (n == 1 and asked >= 0)
-                case.noise(raw)
-                case.silences.append(at)
-            elif asked >= 0 and not behind:
-                answers += 1
-                case.pair(asked, case.frame(raw, RESPONSE, e.name), OK)
-            else:
-                case.stray(raw, stands_alone=k.stands_alone)
-            begin += len(raw)
-            if begin == at:
-                case.silence()
-        if asked >= 0 and not answers:
-            if torn:
-                case.pair(asked, -1, *TORN)
-            else:
-                case.unanswered(e, asked)
-        yield case
-
-
-def _is_healthy(k: Known) -> bool:
-    """Whether an exchange is one that shows that what was before it is over."""
-    return bool(k.answers) and k.request.reply != NEVER and k.request.alt_id == NO_ALT
-
-
-def _flipped(others: Others, raw: bytes) -> Iterator[bytes]:
-    """Yield a frame with one bit wrong where its first byte or its checksum tells that."""
-    told = others.protocol.checksum_of(raw)
-    if told is None:
-        return
-    checksum, covered, sent = told
-    first = raw.find(covered)
-    if first < 0:  # it covers bytes that stand apart
-        yield _flip(raw, 0, 1)
-        for at in others.places(len(raw), 4)[1:]:
-            broken = _flip(raw, at, 1 << (at % 7))
-            told = others.protocol.checksum_of(broken)
-            if told is not None and told[0](told[1]) != told[2]:
-                yield broken
-        return
-    for at in others.places(len(raw), 4):
-        bit = 1 << (at % 7)
-        inside = first <= at < first + len(covered)
-        if not inside or checksum(_flip(covered, at - first, bit)) != sent:
-            yield _flip(raw, at, bit)
-
-
-def _flip(raw: bytes, at: int, bit: int) -> bytes:
-    return raw[:at] + bytes([raw[at] ^ bit]) + raw[at + 1 :]
 
 
 def done_later(k: Known, others: Others) -> Iterator[TalkCase]:
@@ -366,6 +225,7 @@ ARRANGEMENTS: Final = (
     lost_then_another,
     asked_twice,
     answered_twice,
+    one_silent,
     another_servos,
     another_commands,
     in_flight,
@@ -381,6 +241,8 @@ ARRANGEMENTS: Final = (
 SCENE: Final = "scene"
 
 DONE_LATER: Final = "done later"  # only of talks that have such answers
+
+ONE_SILENT: Final = "one of several silent"  # only where requests list whom they ask
 
 NAMES: Final = (
     "answered",

@@ -17,6 +17,8 @@ from sniffer.ground.codes import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.testing.talk import Exchange
 
 NOTHING: Final = frozenset({NO_RESPONSE, NOT_EXPECTED})
@@ -39,11 +41,15 @@ class Stated(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A request and its answer by where they start, -1 for none, and what may be said of them."""
+    """A request and its answer by where they start, -1 for none, and what may be said of them.
+
+    ``servo_id``: who owed the answer, where the request lists several; -1 for anybody.
+    """
 
     request: int
     response: int
     outcomes: frozenset[int]
+    servo_id: int = -1
 
 
 @dataclass(slots=True)
@@ -90,14 +96,31 @@ class TalkCase:
     def unanswered(self, e: Exchange, at: int) -> None:
         """Note that a request stays without an answer."""
         silent = DUE if e.due else NOTHING
-        self.pairs.append(Pair(at, -1, frozenset({NOT_EXPECTED}) if e.answers == () else silent))
+        self.missing(at, e.owing, frozenset({NOT_EXPECTED}) if e.answers == () else silent)
 
-    def answer(self, e: Exchange, at: int) -> None:
-        """Say the answers to the request at ``at``."""
-        for raw in e.replies:
-            self.pair(at, self.frame(raw, RESPONSE, e.name), OK)
+    def missing(self, at: int, servos: Sequence[int], outcomes: frozenset[int]) -> None:
+        """Note that these servos did not answer the request at ``at``."""
+        self.pairs += [Pair(at, -1, outcomes, servo_id) for servo_id in servos]
+
+    def torn(self, e: Exchange, at: int, n: int = 0) -> None:
+        """Note that there are broken bytes where the n-th answer should be, and none behind it.
+
+        What should be behind it may have been in these bytes.
+        """
+        self.missing(at, e.owing[n : n + 1], TORN)
+        self.missing(at, e.owing[n + 1 :], TORN | NOTHING)
+
+    def answer(self, e: Exchange, at: int, first: int = 0) -> None:
+        """Say the answers to the request at ``at``, from the first that comes."""
         if not e.replies:
             self.unanswered(e, at)
+            return
+        for raw in e.replies[first:]:
+            start = self.frame(raw, RESPONSE, e.name)
+            for servo_id in e.owing if e.is_joint else (-1,):
+                self.pairs.append(Pair(at, start, frozenset({OK}), servo_id))
+        if not e.is_joint:
+            self.missing(at, e.owing[len(e.replies) :], NOTHING)
 
     def exchange(self, e: Exchange) -> int:
         """Say a request and its answers; return where it starts."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from sniffer.ground.codes import IF_ALL, IF_READ, MUST, PARTS, REQUEST, WHOLE
 from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
-from sniffer.protocols.packets.declare import number_in
+from sniffer.protocols.packets.fields import number_in
 from sniffer.protocols.reports import error_number
 from sniffer.testing.facts import header_of
 

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
+from sniffer.ground.framing import Block
 from sniffer.ground.model import NO_ALT, Frames
+from sniffer.protocols.listing import targets_of
 from sniffer.testing.case import TalkCase
 from sniffer.testing.truth import decoder_of, laid_out, wrong_of
 
@@ -111,6 +115,23 @@ def alone(e: Exchange) -> TalkCase:
         case.silence()
         case.frame(raw, RESPONSE)
     return case
+
+
+def listed(protocol: BusProtocol, exchanges: Sequence[Exchange]) -> list[Exchange]:
+    """Return the exchanges with the servos that their requests list, as the protocol finds them."""
+    return [
+        e if e.listed is not None else replace(e, listed=_listed(protocol, e)) for e in exchanges
+    ]
+
+
+def _listed(protocol: BusProtocol, e: Exchange) -> tuple[int, ...]:
+    block = Block(np.frombuffer(e.request, np.uint8), np.empty(0, np.int64), final=True)
+    try:
+        frames = protocol.describe(block, protocol.frame(block)[0])
+        found = targets_of(protocol, block, frames)
+    except Exception:  # what raises is told as a wrong case
+        return ()
+    return () if found is None else tuple(found.servo_id.tolist())
 
 
 def facts_of(protocol: BusProtocol, cases: Sequence[TalkCase], model: str) -> list[list[Fact]]:

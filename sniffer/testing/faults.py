@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PlantedFault:
-    """What is broken; ``command`` and ``register`` tell which cases could show it, all if none."""
+    """What is broken; ``command`` and ``register`` tell which cases could show it, all if none.
+
+    ``without``: a method that the protocol does not have.
+    """
 
     name: str
     command: str = ""
@@ -37,6 +40,7 @@ class PlantedFault:
     frame: Callable[[Block, Spans, int], tuple[Spans, int]] | None = None
     values: Callable[[Frames, Values], Values] | None = None
     blocks: Callable[[Block], Block] | None = None
+    without: str = ""
 
 
 class Faulty:
@@ -46,7 +50,13 @@ class Faulty:
         self._protocol, self._fault = protocol, fault
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the fault leaves alone."""
+        """Return what the fault leaves alone.
+
+        Raises:
+            AttributeError: it takes that away.
+        """
+        if name == self._fault.without:
+            raise AttributeError(name)
         return getattr(self._protocol, name)
 
     def frame(self, block: Block) -> tuple[Spans, int]:
@@ -91,6 +101,8 @@ def faults_of(
         if register.name in valued:
             yield _off_by_one(number, register.name)
     yield from _of_framing(protocol, known, header)
+    for name in dict.fromkeys(k.exchange.name for k in known if k.exchange.listed):
+        yield PlantedFault(f"{name}: nobody who is listed is missed", name, without="targets")
     if any(k.exchange.later for k in known):
         yield PlantedFault("an answer done later fits any request", describe=_fits_any)
     if any(protocol.refused(np.array([f.status], np.int16))[0] for k in known for f in k.answers):

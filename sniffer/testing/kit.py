@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from random import Random
 from typing import TYPE_CHECKING, Final
@@ -13,12 +13,20 @@ from sniffer.anomalies.device import device_code
 from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import protocol_named
-from sniffer.protocols.reports import reports_of
+from sniffer.protocols.reports import reports_of, unheard_of
 from sniffer.testing import laws
-from sniffer.testing.arrange import ARRANGEMENTS, DONE_LATER, NAMES, SCENE, Others, scene_of
+from sniffer.testing.arrange import (
+    ARRANGEMENTS,
+    DONE_LATER,
+    NAMES,
+    ONE_SILENT,
+    SCENE,
+    scene_of,
+)
 from sniffer.testing.coverage import goals, headers, lacking, table_of
-from sniffer.testing.facts import facts_of, known_of, plain
+from sniffer.testing.facts import facts_of, known_of, listed, plain
 from sniffer.testing.faults import Suspects, faults_of, planted
+from sniffer.testing.others import Others
 from sniffer.testing.streams import recut
 from sniffer.testing.talk import talk_of
 from sniffer.testing.truth import BEGIN_NS, hear, judged, laid_out, wrong_of
@@ -97,12 +105,22 @@ class Kit:
     """A protocol and its talk; what several checks need is worked out once."""
 
     def __init__(self, protocol: BusProtocol, talk: Talk, *, thorough: bool, seed: int) -> None:
-        self.protocol, self.talk = protocol, talk
+        self.protocol = protocol
+        self.talk = replace(
+            talk,
+            exchanges=listed(protocol, talk.exchanges),
+            scenes=[listed(protocol, scene) for scene in talk.scenes],
+        )
         self.thorough, self.seed = thorough, seed
         self._company: dict[tuple[int, ...], set[int]] = {}
         if talk.model and talk.model not in {m.model for m in protocol.models}:
             raise SnifferError(f"{protocol.name} has no model {talk.model[:40]!r}")
         self.model = talk.model or (protocol.models[0].model if protocol.models else "")
+
+    @property
+    def listing(self) -> tuple[str, ...]:
+        """The arrangement of requests that list whom they ask, where there are any."""
+        return (ONE_SILENT,) if any(e.listed for e in self.talk.exchanges) else ()
 
     @functools.cached_property
     def known(self) -> list[Known]:
@@ -167,6 +185,8 @@ class Kit:
         if nothing := [name for name in meant if device_code(name) == "device-alarm"]:
             slug = f"device-{nothing[0].replace('_', '-')}"
             raise AssertionError(f"reports: there is no anomaly {slug}: docs/anomalies.md has them")
+        if wrong := unheard_of(self.protocol):
+            raise AssertionError(wrong)
         return f"{len(self.talk.exchanges)} exchanges, {len(self.talk.scenes)} scenes"
 
     def slow(self) -> str:
@@ -209,7 +229,8 @@ class Kit:
 
     def coverage(self) -> str:
         """Hold that the talk reaches everything, or says why it cannot."""
-        asked = goals(self.protocol, self.talk, self.known, self.scenes, self.cases, NAMES)
+        names = (*NAMES, *self.listing)
+        asked = goals(self.protocol, self.talk, self.known, self.scenes, self.cases, names)
         if missing := lacking(self.talk, asked):
             raise AssertionError("\n".join(missing))
         return (
@@ -297,7 +318,7 @@ def checks(
         Requirement("talk", kit.misspelt),
         *(
             Requirement(f"truth: {n}", functools.partial(kit.truth, n))
-            for n in (*NAMES, *later, SCENE)
+            for n in (*NAMES, *kit.listing, *later, SCENE)
         ),
         Requirement("law: columns say what the slow form says, arranged", kit.slow),
         Requirement("law: a cut at every boundary changes nothing", kit.bytewise),

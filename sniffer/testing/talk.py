@@ -32,6 +32,8 @@ class Exchange:
             request, whatever they stand behind.
         later_values: raw values that these state, as ``values``. None: not labelled.
         due: whether silence is a fault, whatever the servo was told before. Else it may be one.
+        listed: the servos that the request lists, each of which owes an answer of its own, in the
+            order in which they are to answer. None: those that the protocol finds in it.
     """
 
     name: str
@@ -42,6 +44,19 @@ class Exchange:
     later: tuple[bytes, ...] = ()
     later_values: Labels | None = None
     due: bool = False
+    listed: tuple[int, ...] | None = None
+
+    @property
+    def owing(self) -> tuple[int, ...]:
+        """Whose answers are missed one by one, in order; -1: nothing tells whose."""
+        listed = self.listed or (-1,)
+        told = len(self.replies) in (0, len(listed)) or self.is_joint
+        return listed if told else (-1,) * len(listed)
+
+    @property
+    def is_joint(self) -> bool:
+        """Whether one packet answers for all that are listed."""
+        return len(self.replies) == 1 < len(self.listed or ())
 
     @property
     def replies(self) -> tuple[bytes, ...]:

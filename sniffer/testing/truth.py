@@ -38,7 +38,8 @@ class Heard:
 
     frames: list[tuple[int, int, int, str]] = field(default_factory=list)
     servos: list[int] = field(default_factory=list)
-    pairs: dict[tuple[int, int], int] = field(default_factory=dict)
+    pairs: list[tuple[int, int, int, int]] = field(default_factory=list)
+    """Request and response by where they start, the servo that is asked, and the outcome."""
     values: set[tuple[int, str, int]] = field(default_factory=set)
     errors: set[str] = field(default_factory=set)
 
@@ -92,12 +93,18 @@ def _split(
         out[c].servos.append(servo)
         if kind == RESPONSE and status > 0:
             out[c].errors.update(protocol.status_names(status))
-    for asked, answer, outcome in zip(
-        batch.rows_of(t.request).tolist(), t.response.tolist(), t.outcome.tolist(), strict=True
+    who = np.full(len(t), -1)
+    who[t.request != -1] = batch.asked(t.request[t.request != -1]).servo_id
+    for asked, answer, servo, outcome in zip(
+        batch.rows_of(t.request).tolist(),
+        t.response.tolist(),
+        who.tolist(),
+        t.outcome.tolist(),
+        strict=True,
     ):
         c = of[asked if asked >= 0 else answer]
-        key = (own[asked] if asked >= 0 else -1, own[answer] if answer >= 0 else -1)
-        out[c].pairs[key] = outcome
+        places = (own[row] if row >= 0 else -1 for row in (asked, answer))
+        out[c].pairs.append((*places, servo, outcome))
     s = batch.samples
     for servo, register, raw, row in zip(
         s.servo_id.tolist(), s.register.tolist(), s.raw.tolist(), s.row.tolist(), strict=True
@@ -112,10 +119,13 @@ def judged(case: TalkCase, heard: Heard) -> str:
     for want, got in zip(case.frames, heard.frames, strict=True):
         if tuple(want[:3]) != got[:3] or (want.name and want.name != got[3]):
             return _frames(case.frames, heard)
-    for pair in case.pairs:
-        if heard.pairs.get((pair.request, pair.response)) not in pair.outcomes:
+    left = list(heard.pairs)
+    for pair in sorted(case.pairs, key=lambda pair: pair.servo_id < 0):  # those of one servo first
+        found = next((x for x in left if _is_meant(pair, x)), None)
+        if found is None:
             return _pairs(case.pairs, heard)
-    if len(heard.pairs) != len(case.pairs):
+        left.remove(found)
+    if left:
         return _pairs(case.pairs, heard)
     if not case.valued:
         return ""
@@ -150,13 +160,22 @@ def _frames(want: Sequence[Stated], heard: Heard) -> str:
     return f"frames {told(want) or 'none'}; decoded as {told(heard.frames) or 'none'}"
 
 
-def _pairs(want: Sequence[Pair], heard: Heard) -> str:
-    def told(request: int, response: int, outcomes: Sequence[int]) -> str:
-        ends = (f"{x}" if x >= 0 else "none" for x in (request, response))
-        return " > ".join(ends) + " " + " or ".join(OUTCOMES[k] for k in outcomes)
+def _is_meant(pair: Pair, found: tuple[int, int, int, int]) -> bool:
+    request, response, servo_id, outcome = found
+    same = (pair.request, pair.response) == (request, response) and outcome in pair.outcomes
+    return same and pair.servo_id in (-1, servo_id)
 
-    wanted = ", ".join(told(p.request, p.response, sorted(p.outcomes)) for p in want)
-    got = ", ".join(told(*key, [how]) for key, how in sorted(heard.pairs.items()))
+
+def _pairs(want: Sequence[Pair], heard: Heard) -> str:
+    named = any(p.servo_id >= 0 for p in want)
+
+    def told(request: int, response: int, servo_id: int, outcomes: Sequence[int]) -> str:
+        ends = (f"{x}" if x >= 0 else "none" for x in (request, response))
+        who = f" of servo {servo_id}" if named and servo_id >= 0 else ""
+        return " > ".join(ends) + who + " " + " or ".join(OUTCOMES[k] for k in outcomes)
+
+    wanted = ", ".join(told(p.request, p.response, p.servo_id, sorted(p.outcomes)) for p in want)
+    got = ", ".join(told(a, b, who, [how]) for a, b, who, how in sorted(heard.pairs))
     return f"pairs {wanted or 'none'}; decoded as {got or 'none'}"
 
 

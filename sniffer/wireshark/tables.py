@@ -20,7 +20,7 @@ from sniffer.pcapfile.layout import PROTOCOLS as NUMBERS
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.lss import grammar as lss
 from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
-from sniffer.protocols.packets.declare import field_named, flag_bits
+from sniffer.protocols.packets.fields import field_named, flag_bits
 from sniffer.protocols.packets.walk import shape_of
 from sniffer.protocols.rs30x import grammar as rs30x
 from sniffer.protocols.rs30x.block import PLAN, RETURN_PLAN
@@ -144,7 +144,7 @@ def _packets() -> dict[str, Any]:
         "code_at": plan.at["code"],
         "status_at": plan.at["code"],
         "body_at": plan.tail_at,
-        "answer": family.words[2],
+        "answer": family.terms[2],
         "silent": dict.fromkeys(family.silent, True),
         "anyone": dict.fromkeys(family.anyone, True),
         "servo_id": family.effective("servo_id"),

@@ -92,7 +92,6 @@ FAMILY: Final = PacketFamily(
     # No source states how long an answer may take; clients wait 100 ms.
     window_ns=100_000_000,
     most=MOST,
-    words=("command", "command", "answer"),
     reports={
         "over_voltage": "input_voltage",
         "under_voltage": "input_voltage",

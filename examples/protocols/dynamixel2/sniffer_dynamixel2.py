@@ -106,7 +106,8 @@ class FdBehindHeader:
     def find(self, data: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
         """Return where stuffed bytes begin; two FD in a row are rare, so they are looked for."""
         found = np.flatnonzero((data[2:-1] == 0xFD) & (data[3:] == 0xFD))
-        return found[(data[found] == 0xFF) & (data[found + 1] == 0xFF)]
+        whole = (data[found] == 0xFF) & (data[found + 1] == 0xFF)
+        return found.compress(whole)
 
 
 EMPTY: Final = Struct(Terminated)
@@ -182,7 +183,6 @@ FAMILY: Final = PacketFamily(
         "data_limit": "stroke_limit",
         "access": "packet_not_processable",
     },
-    words=("instruction", "instruction", "status"),
     stuffing=FdBehindHeader(),
 )
 

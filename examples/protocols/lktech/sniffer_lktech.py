@@ -110,7 +110,6 @@ FAMILY: Final = PacketFamily(
     # No source states how long an answer may take; clients wait 20 ms, and 100 to switch on.
     window_ns=20_000_000,
     most=MOST,
-    words=("command", "command", "answer"),
 )
 
 PROTOCOL: Final = Member(FAMILY)

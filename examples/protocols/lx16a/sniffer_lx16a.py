@@ -126,7 +126,6 @@ FAMILY: Final = PacketFamily(
     window_ns=30_000_000,
     most=LONGEST,
     silent=(BROADCAST,),
-    words=("command", "command", "answer"),
 )
 
 PROTOCOL: Final = Member(FAMILY)

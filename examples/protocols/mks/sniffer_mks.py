@@ -141,7 +141,6 @@ FAMILY: Final = PacketFamily(
     # No source states how long an answer may take.
     window_ns=20_000_000,
     silent=(BROADCAST,),
-    words=("command", "command", "answer"),
     reports={"stalled": "blocked"},
 )
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from construct import Container
 
-from sniffer.ground.codes import IF_ALL, MANY, NEVER, ON_ITS_OWN, OPTIONAL, RESPONSE
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, ON_ITS_OWN, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
-from sniffer.ground.framing import frame_by_plan, frame_by_two_plans
+from sniffer.ground.framing import frame_by_plan, frame_by_plans
 from sniffer.ground.model import (
     ANY_ID,
     MALFORMED,
@@ -126,7 +126,7 @@ class FamilyColumns:
     def frame(self, block: Block) -> tuple[Spans, int]:
         """Frame by the plan; direction is told later, unless the header tells it."""
         if self.back is not None:
-            return frame_by_two_plans(self.plan, self.back, block)
+            return frame_by_plans(((self.plan, REQUEST), (self.back, RESPONSE)), block)
         return frame_by_plan(self.plan, block)
 
     def plain(self, block: Block, start: I64, end: I64) -> Bytes:

@@ -1,4 +1,4 @@
-"""What a member of the packet family declares, and what can be asked of its grammars.
+"""What a member of the packet family declares.
 
 A packet is header, id, length, code, parameters and checksum, in one form both ways. What a field
 of a command's parameters means is told by its name:
@@ -16,7 +16,6 @@ Other names are fields without a meaning to anybody but the reader.
 from __future__ import annotations
 
 import functools
-import io
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -26,6 +25,7 @@ from sniffer.ground.codes import IF_READ, NEVER
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.registers import numbered
 from sniffer.ground.wire import ByCode
+from sniffer.protocols.packets.fields import bare, field_named, named, parsed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -150,7 +150,10 @@ class PacketFamily:
     anomalies have others for. Time: an answer takes ``window_ns`` at most, and
     nothing crosses a silence longer than ``tail_ns``. While others are asked, it comes within
     ``reach`` bytes, or those of the longest packet. ``words`` are what the manual calls a code that
-    asks, one that answers, and a response.
+    asks, what stands in its place in an answer, and a response: by default ("instruction", "error",
+    "status") where the error stands there, ("instruction", "instruction", "status") where a
+    constant does, and ("command", "command", "answer") where the code of the request does, or
+    what follows from that.
     """
 
     name: str
@@ -177,7 +180,7 @@ class PacketFamily:
     refusals: int = 0
     alerts: Mapping[int, str] = field(default_factory=dict)
     reports: Mapping[str, str] = field(default_factory=dict)
-    words: tuple[str, str, str] = ("instruction", "error", "status")
+    words: tuple[str, str, str] | None = None
     stuffing: Stuffing | None = None
 
     def __post_init__(self) -> None:
@@ -208,6 +211,15 @@ class PacketFamily:
             return None
         first = bare(self.feedback.subcons[0])
         return first.value[0] if isinstance(first, c.Const) else None
+
+    @functools.cached_property
+    def terms(self) -> tuple[str, str, str]:
+        """What a code that asks is called, what stands in its place in an answer, a response."""
+        if self.words is not None:
+            return self.words
+        if self.echoes or self.answer_code is not None or self.answer_header:
+            return "command", "command", "answer"
+        return "instruction", "error" if self.answers is None else "instruction", "status"
 
     @functools.cached_property
     def asked_by(self) -> dict[int, int]:
@@ -333,67 +345,3 @@ class PacketFamily:
                 f"{self.name}: models differ in where the {effect} stands: {where}"
             )
         return found.pop() if found else -1
-
-
-def bare(con: Any) -> Any:
-    """Return a construct without its name and remarks."""
-    while isinstance(con, c.Renamed):
-        con = con.subcon
-    return con
-
-
-def named(grammar: Any) -> list[tuple[str, Any]]:
-    """Return the fields of a grammar by name, in order, also those inside what is only checked."""
-    inner = bare(grammar)
-    if isinstance(inner, c.RawCopy):
-        inner = bare(inner.subcon)
-    out = []
-    for con in inner.subcons if isinstance(inner, c.Struct) else ():
-        if isinstance(bare(con), c.Struct | c.RawCopy):
-            out += named(con)
-        elif con.name:
-            out.append((con.name, bare(con)))
-    return out
-
-
-def field_named(grammar: Any, name: str) -> Any:
-    """Return the construct of a field, None where there is none of that name."""
-    return dict(named(grammar)).get(name)
-
-
-def flag_bits(con: Any) -> dict[int, str]:
-    """Return bit number -> name of a field of flags; of any other none."""
-    if not isinstance(con, c.FlagsEnum):
-        return {}
-    return {int(v).bit_length() - 1: str(k) for k, v in con.flags.items()}
-
-
-def numbers(con: Any) -> dict[int, str]:
-    """Return number -> name of an enumerated field; of any other none."""
-    if not isinstance(con, c.Enum):
-        return {}
-    return {int(k): str(v) for k, v in con.decmapping.items()}
-
-
-def parsed(grammar: Any, data: bytes) -> Any:
-    """Return what the grammar reads in all of the bytes, None where they do not fit it."""
-    stream = io.BytesIO(data)
-    try:
-        out = grammar.parse_stream(stream)
-    except c.ConstructError:
-        return None
-    return out if stream.tell() == len(data) else None
-
-
-def number_in(grammar: Any, name: str, params: bytes) -> int:
-    """Return the number in a field of parameters that fit, also where the grammar names its bits.
-
-    Raises:
-        KeyError: the grammar has no such field.
-    """
-    at = 0
-    for field_name, con in named(grammar):
-        if field_name == name:
-            return int.from_bytes(params[at : at + con.sizeof()], "little")
-        at += con.sizeof()
-    raise KeyError(name)

@@ -14,14 +14,8 @@ from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
-from sniffer.protocols.packets.declare import (
-    ANY,
-    Command,
-    bare,
-    field_named,
-    flag_bits,
-    numbers,
-)
+from sniffer.protocols.packets.declare import ANY, Command
+from sniffer.protocols.packets.fields import bare, field_named, flag_bits, numbers, unnamed
 from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 
@@ -224,11 +218,18 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
             "tells what it answers",
         )
     for name in command.later:
-        if field_named(family.feedback_of(code), name) in (None, c.GreedyBytes):
+        if not _is_short_number(field_named(family.feedback_of(code), name)):
             _refuse(
                 family,
-                f"command {command.name}: later names {name}, which is no number in its feedback",
+                f"command {command.name}: later names {name}, which is no number in its feedback: "
+                "Byte or Int16ul, or an Enum of these",
             )
+
+
+def _is_short_number(con: Any) -> bool:
+    """Tell whether columns read a field by itself."""
+    inner = unnamed(con)
+    return isinstance(inner, c.FormatField) and inner.fmtstr in (">B", "<H")
 
 
 def _check_answers(family: PacketFamily) -> None:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.codes import ON_ITS_OWN, REQUEST
-from sniffer.ground.model import SnifferError
+from sniffer.ground.model import DeclarationError, SnifferError
 from sniffer.protocols.base import RESTARTS, joined, no_clues
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.declare import LISTED
 from sniffer.protocols.packets.parts import Readings
 from sniffer.protocols.packets.slow import Slow
 from sniffer.protocols.packets.words import Words
+from sniffer.protocols.reports import unheard_of
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I16, I64, Frames, Mask
@@ -34,7 +35,8 @@ class Member(Words):
         family: what the protocol declares; it is walked once, here.
 
     Raises:
-        TypeError: the declaration holds something that columns have no form for.
+        DeclarationError: the declaration holds something that columns have no form for, or says
+            what a fault means that nothing reports.
     """
 
     interface = 1
@@ -58,6 +60,8 @@ class Member(Words):
         self.slow_parts, self.slow_values = slow.parts, slow.values
         self.slow_clues = no_clues
         named = ((op, command.name) for op, command in family.commands.items())
+        if unknown := unheard_of(self):
+            raise DeclarationError(f"{self.name}: {unknown}")
         self.ends_goal = {op: RESTARTS for op, name in named if name in RESTART_NAMES}
 
     def with_models(self, tables: tuple[RegisterMap, ...]) -> Member:

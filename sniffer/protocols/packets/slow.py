@@ -17,17 +17,8 @@ from sniffer.ground.wire import Seal
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.listing import ListedServo
-from sniffer.protocols.packets.declare import (
-    ADDRESS_AT,
-    ANY,
-    CODE_AT,
-    KEY,
-    LISTED,
-    bare,
-    field_named,
-    number_in,
-    parsed,
-)
+from sniffer.protocols.packets.declare import ADDRESS_AT, ANY, CODE_AT, KEY, LISTED
+from sniffer.protocols.packets.fields import bare, field_named, number_in, parsed
 from sniffer.protocols.shapes import slow_spans
 
 if TYPE_CHECKING:

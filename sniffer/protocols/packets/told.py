@@ -10,7 +10,7 @@ which command it answers. For example HerkuleX, ``44`` answers ``04``::
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import construct as c
 import numpy as np
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.packets.declare import PacketFamily
     from sniffer.protocols.packets.listed import Bytes
     from sniffer.protocols.packets.walk import Place
+
+
+MEANT: Final = frozenset({"address", "length", "data", "error"})
+"""Names that mean something to the columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +90,8 @@ def answer_of(grammar: Any) -> AnswerShape:
             case c.FormatField() if con.fmtstr in (">B", "<H"):
                 (at if front < 0 else last)[name] = pos, con.length
                 pos += con.length
+            case c.FormatField() | c.BytesInteger() if name not in MEANT:
+                pos += con.sizeof()  # shown as the grammar reads it, and asked by nobody else
             case c.Const() if isinstance(con.value, bytes) and front < 0:
                 constants.append((pos, con.value))
                 pos += len(con.value)
@@ -94,9 +100,10 @@ def answer_of(grammar: Any) -> AnswerShape:
                 keeps = con.behind if isinstance(con, AllBut) else -1
             case _:
                 raise TypeError(
-                    f"no columns for {name} {con!r}: an answer has fields of Byte or Int16ul, Enum "
-                    'or FlagsEnum of these, and one "data" / Bytes(this.length), AllBut(n) of the '
-                    "n bytes behind it, or GreedyBytes at the end"
+                    f"no columns for {name} {con!r}: an answer has numbers, Enum or FlagsEnum of "
+                    'Byte or Int16ul, and one "data" / Bytes(this.length), AllBut(n) of the '
+                    "n bytes behind it, or GreedyBytes at the end; address, length and error are "
+                    "Byte or Int16ul"
                 )
 
     walk(grammar)

@@ -130,6 +130,13 @@ class _Walk:
                 self.data = self.counted = True
             case _ if con is c.GreedyBytes and name == "data" and not self.inside:
                 self.data = True
+            case _ if self.inside and name == "data":
+                raise TypeError(
+                    "the data of each of several targets are as many as a field says, "
+                    '"data" / Bytes(this._.length); where they are always the same, write the '
+                    'numbers that they are, as "position" / Int16ul, and at= where they stand in '
+                    "the table"
+                )
             case _:
                 raise TypeError(
                     f"no columns for {name} {con!r}: fields are numbers, Enum or FlagsEnum of Byte "

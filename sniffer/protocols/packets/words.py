@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import construct as c
@@ -12,7 +13,13 @@ from sniffer.ground.model import MALFORMED, Gap
 from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
-from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+from sniffer.protocols.packets.fields import (
+    field_named,
+    flag_bits,
+    named,
+    numbers,
+    unnamed,
+)
 from sniffer.protocols.packets.form import errors_of
 from sniffer.protocols.packets.listed import column
 from sniffer.protocols.packets.survey import size_place, survey
@@ -60,7 +67,7 @@ class Words:
     def op_name(self, op: int) -> str:
         """Return the command's name; a code no manual has is ``unknown_<hex>``."""
         if op < 0:
-            return self.family.words[2]
+            return self.family.terms[2]
         commands = self.family.commands
         return commands[op].name if op in commands else f"unknown_{op:02x}"
 
@@ -103,13 +110,8 @@ class Words:
         brings = "data" in {leaf.path.rpartition(".")[2] for leaf in found}
         for leaf in found:
             inside, _, name = leaf.path.rpartition(".")
-            if not inside and isinstance(leaf.value, int | dict | str):
-                con = field_named(command.params, name)
-                part = params[leaf.offset : leaf.offset + leaf.length]
-                number = int.from_bytes(part, "little")
-                if isinstance(con, c.FormatField | c.BytesInteger) and isinstance(leaf.value, int):
-                    number = leaf.value  # its high byte may be the first
-                out[name] = _worded(con, number)
+            if not inside and isinstance(leaf.value, int | float | dict | str):
+                out[name] = _said(field_named(command.params, name), leaf, params)
             elif name == "servo_id" and not brings:
                 servos.append(leaf.value)
         return {**out, "servo_ids": servos} if servos else out
@@ -126,9 +128,7 @@ class Words:
                 names = list(self.status_names(row.status))
                 out["error"] = {"number": row.status, "names": names}
             elif leaf.path not in ("address", "length", "data", ""):
-                part = params[leaf.offset : leaf.offset + leaf.length]
-                con = field_named(grammar, leaf.path)
-                out[leaf.path] = _worded(con, int.from_bytes(part, "little"))
+                out[leaf.path] = _said(field_named(grammar, leaf.path), leaf, params)
         return out
 
     def telling_bytes(self, frames: Frames, data: U8) -> I64:
@@ -155,8 +155,7 @@ class Words:
         """
         out: list[tuple[str, Any]] = []
         for name, con in named(self.family.commands[op].params):
-            inner = bare(con.subcon) if isinstance(con, c.Enum | c.FlagsEnum) else con
-            if inner is not c.Byte or len(out) == len(params):
+            if unnamed(con) is not c.Byte or len(out) == len(params):
                 break
             out.append((name, con))
         return out
@@ -175,7 +174,7 @@ class Words:
                     words = self.op_name(self.family.asked_by.get(leaf.value, leaf.value))
                 elif not asked and self.family.answers is None:
                     words = ", ".join(self.status_names(leaf.value)) or "none"
-                label = self.family.words[not asked]
+                label = self.family.terms[not asked]
                 out.append(FieldSpan(leaf.offset, 1, label, f"{leaf.value:02X} {words}"))
             elif name == self.family.tail:
                 out += self._params(leaf, self._plain(raw, leaf.value), row)
@@ -216,8 +215,8 @@ class Words:
         out = []
         for part in leaves(command.params, wire):
             if isinstance(part.value, dict | str):  # flags, or one of an enumeration
-                number = int.from_bytes(wire[part.offset : part.offset + part.length], "little")
-                text = str(number)
+                con = field_named(command.params, part.path)
+                text = str(_number(con, wire[part.offset : part.offset + part.length]))
                 out.append(FieldSpan(at + part.offset, part.length, part.path, text, part.docs))
             else:
                 out.append(_span(part, part.path, at))
@@ -227,9 +226,10 @@ class Words:
         """Split the parameters of an answer by its grammar."""
         out, grammar = [], self.family.feedback_of(row.op)
         for part in leaves(grammar, wire):
-            bits = flag_bits(field_named(grammar, part.path))
+            con = field_named(grammar, part.path)
+            bits = flag_bits(con)
             if bits or part.path == "error":
-                number = int.from_bytes(wire[part.offset : part.offset + part.length], "little")
+                number = _number(con, wire[part.offset : part.offset + part.length])
                 names = bit_names(bits, number) if bits else self.status_names(number)
                 text = f"{number:0{2 * part.length}X} {', '.join(names) or 'none'}"
                 out.append(FieldSpan(at + part.offset, part.length, part.path, text, part.docs))
@@ -332,6 +332,22 @@ def _first(run: bytes, heads: tuple[bytes, ...], at: int) -> int:
         return run.find(heads[0], at)
     found = [place for head in heads if (place := run.find(head, at)) >= 0]
     return min(found, default=-1)
+
+
+def _said(con: Any, leaf: Leaf, params: bytes) -> Any:
+    """Return what a field of some parameters says: a number as its grammar reads it, or names."""
+    number = _number(con, params[leaf.offset : leaf.offset + leaf.length])
+    if isinstance(number, float):
+        return number if math.isfinite(number) else str(number)
+    return _worded(con, number)
+
+
+def _number(con: Any, part: bytes) -> Any:
+    """Return the number in the bytes of a field: its high byte may be the first."""
+    inner = unnamed(con)
+    if isinstance(inner, c.FormatField | c.BytesInteger):
+        return inner.parse(part)
+    return int.from_bytes(part, "little")
 
 
 def _worded(con: Any, number: int) -> Any:
