@@ -223,7 +223,7 @@ class Case:
         """Bytes without a stop bit by bucket, servo and place (``lineerrors``)."""
         return self.ledger.line_errors.counted()
 
-    @property
+    @functools.cached_property
     def damages(self) -> Sequence[Damage]:
         """The first damaged places with their bytes."""
         return self.ledger.damages.kept
