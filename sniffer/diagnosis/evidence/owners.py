@@ -30,6 +30,7 @@ from sniffer.diagnosis.ledger.damage import HELD, IN_REPLY, IN_REQUEST, REST, ST
 from sniffer.diagnosis.ledger.seconds import SecondAnswer
 from sniffer.diagnosis.physics.comparing import header_of
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.distinct import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -354,7 +355,7 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
     for span in spans:
         last = np.searchsorted(since, since + span, "right")
         first = int(np.argmax(last - np.arange(len(since))))
-        n = len(np.unique(which[first : last[first]]))
+        n = len(numbers(which[first : last[first]]))
         thick.append((n, span))
         told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
         if told > score:
@@ -370,5 +371,5 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
     if not len(around):
         return _Span(0, 0, (), 0.0)
     first = int(around[np.argmax((last - np.arange(len(since)))[around])])
-    rows = np.unique(which[first : last[first]])
+    rows = numbers(which[first : last[first]])
     return _Span(int(since[first]), int(since[last[first] - 1]), tuple(rows.tolist()), score)

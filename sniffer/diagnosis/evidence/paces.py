@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.evidence.cycles import ALIKE
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _rests(case: Case) -> Sequence[Pause]:
         for n, row in enumerate(rows.tolist()):
             if 0 < row < len(t):
                 late[n] = int(ahead[row : row + AT_ONCE].max() - ahead[row])
-    usual = int(np.median(late)) if len(late) else 0
+    usual = int(median(late)) if len(late) else 0
     return [
         p._replace(sure_ns=p.sure_ns - max(by - usual, 0))
         for p, by in zip(pauses, late.tolist(), strict=True)

@@ -24,6 +24,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.controller.patience import KNOWN, ONE_TIME, WAITED_NS
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -168,8 +169,8 @@ def _usual_ns(case: Case, servo: int) -> float:
 
 def _finding(judged: Sequence[_Torn], shown: Sequence[_Torn], sure: float) -> Finding:
     """Return the finding of a servo's torn answers, with how long was waited behind them."""
-    waited = float(np.median([t.failed.wait_ns for t in shown])) / MS
-    came = float(np.median([t.begins_ns for t in shown])) / MS
+    waited = float(median([t.failed.wait_ns for t in shown])) / MS
+    came = float(median([t.begins_ns for t in shown])) / MS
     return Finding(
         "request-swallowed",
         None,

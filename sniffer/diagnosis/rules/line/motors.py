@@ -15,6 +15,8 @@ from sniffer.diagnosis.ledger.buckets import FINE
 from sniffer.diagnosis.ledger.damage import AT_TURN, HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.line.damaged import singled_out
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -143,7 +145,7 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     if not is_moved and not is_unmoved:
         return
     hard = level > np.quantile(level, 0.75)
-    rest = level < np.median(level)
+    rest = level < median(level)
     yield Finding(
         "damage-while-moving" if is_moved else "damage-whatever-moves",
         None,
@@ -178,7 +180,7 @@ def _of_one_servo(case: Case) -> Mask:
     That chooses its servo, and goes with how often it is asked.
     """
     d = case.damage
-    out: Mask = (d["turn"] == IN_REPLY) & np.isin(d["servo_id"], list(singled_out(case)))
+    out: Mask = (d["turn"] == IN_REPLY) & within(d["servo_id"], list(singled_out(case)))
     places = Counter((x.turn, x.servo_id) for x in case.damages)
     theirs = Counter((x.turn, x.servo_id) for x in case.damages if of_twins(case, x))
     for (turn, servo), n in theirs.items():
@@ -294,7 +296,7 @@ def _level(case: Case, quantity: str, first: int, count: int) -> tuple[F64 | Non
     if not known.any():
         return None, 0.0
     level = total / np.maximum(stated, 1)
-    level[~known] = np.median(level[known])
+    level[~known] = median(level[known])
     if quantity == "goal_position":  # the motor works behind the step
         level = np.maximum(level, np.concatenate([[0.0], level[:-1]]))
     most = float(np.quantile(level, CLIPPED))

@@ -18,6 +18,7 @@ from sniffer.diagnosis.evidence.twins import torn_by_twins, twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -216,7 +217,7 @@ def _seconds(case: Case, servo: int, ends: Set[int]) -> int:
     """
     events = case.anomalies("duplicate-response", servo_id=servo)
     rows = case.alarm_rows("duplicate-response", servo_id=servo)
-    return int(case.alarms["n"][rows].sum()) - int(np.isin(events.at, list(ends)).sum())
+    return int(case.alarms["n"][rows].sum()) - int(within(events.at, list(ends)).sum())
 
 
 def _are_prompt(case: Case, servo: int) -> bool:

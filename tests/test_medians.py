@@ -1,0 +1,43 @@
+"""The median without masked arrays is the one of numpy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sniffer.ground.medians import median
+
+DIAGNOSIS = Path(__file__).parents[1] / "sniffer" / "diagnosis"
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 9, 100, 101])
+@pytest.mark.parametrize("kind", [np.int64, np.float64, np.uint8])
+def test_the_median_of_some_numbers_is_that_of_numpy(n: int, kind: Any) -> None:
+    numbers = np.random.default_rng(n).integers(0, 200, n).astype(kind)
+    assert median(numbers) == np.median(numbers)
+    assert median(numbers.tolist()) == np.median(numbers)
+
+
+@pytest.mark.parametrize("axis", [None, 0, 1])
+def test_the_median_along_an_axis_is_that_of_numpy(axis: int | None) -> None:
+    table = np.random.default_rng(3).normal(size=(6, 7))
+    assert np.array_equal(median(table, axis=axis), np.median(table, axis=axis))
+    kept = median(table, axis=axis, keepdims=True) if axis is not None else None
+    if axis is not None:
+        assert np.array_equal(kept, np.median(table, axis=axis, keepdims=True))
+
+
+def test_a_number_that_is_none_makes_the_median_none() -> None:
+    assert np.isnan(median([1.0, float("nan"), 2.0]))
+
+
+def test_no_rule_of_the_diagnosis_loads_masked_arrays() -> None:
+    """``numpy.ma`` comes with ``np.median``, ``np.isin`` and a plain ``np.unique``."""
+    for file in DIAGNOSIS.rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        assert not [word for word in ("np.median(", "np.isin(") if word in text], file
+        for call in text.split("np.unique(")[1:]:
+            assert "return_" in call.partition("\n")[0] or "return_" in call[:120], file
