@@ -97,7 +97,7 @@ class Diagnosing:
         self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
 
     def start(self) -> None:
-        """Begin to judge; what tells of incidents is loaded first: later bytes would wait for it."""
+        """Begin to judge; what tells of incidents is loaded now: later, bytes would wait for it."""
         importlib.import_module("sniffer.diagnosis.stories")
         self._thread.start()
 

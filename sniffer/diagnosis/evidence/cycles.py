@@ -9,7 +9,7 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.evidence.tracks import track
 from sniffer.diagnosis.ledger.histograms import Histograms
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def is_steady_for_a_while(case: Case) -> bool:
             beside = np.lib.stride_tricks.sliding_window_view(period, 2 * NEAR + 1)
             middle = median(beside, axis=1)
             off = period[NEAR:-NEAR] - middle
-            side = np.minimum(-np.quantile(off, EDGE), np.quantile(off, 1 - EDGE))
+            side = np.minimum(-quantile(off, EDGE), quantile(off, 1 - EDGE))
             if 2 * (side - case.latency_ns) < STEADY * SPREAD * median(middle):
                 return True
     return False
@@ -225,7 +225,7 @@ def _is_kept_waiting(case: Case, slower_ns: int) -> bool:
             period = np.diff(t[kind == k])
             late = period > (1 + SPREAD / 2) * median(period)
             held = late & (idle - case.latency_ns <= SPREAD_NS)
-            begins = bool(np.quantile(idle[~late], 1 - BEGINS) > SPREAD_NS)
+            begins = bool(quantile(idle[~late], 1 - BEGINS) > SPREAD_NS)
             if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
                 return True
     return False

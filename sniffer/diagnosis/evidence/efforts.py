@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.distinct import within
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case, Series
@@ -55,7 +55,7 @@ class Effort:
         known = (self._case.series(i, quantity) for i in self._case.measured_by(quantity))
         return min(
             (
-                float(np.quantile(np.abs(s.mean), 0.1))
+                float(quantile(np.abs(s.mean), 0.1))
                 for s in known
                 if s is not None and s.unit == self.series.unit
             ),

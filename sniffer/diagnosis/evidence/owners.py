@@ -31,6 +31,7 @@ from sniffer.diagnosis.ledger.seconds import SecondAnswer
 from sniffer.diagnosis.physics.comparing import header_of
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.distinct import numbers
+from sniffer.ground.medians import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -207,7 +208,7 @@ def _whose_stands_for(servo: int, traces: Sequence[TornPlace], grid: int) -> int
 
 def _varies(since: Sequence[int]) -> float:
     """Return how much times vary, in ns, but for those that are out of line."""
-    return float(np.subtract(*np.quantile(since, (0.9, 0.1))))
+    return float(np.subtract(*quantile(since, (0.9, 0.1))))
 
 
 def _traces(case: Case) -> Sequence[TornPlace]:
@@ -288,7 +289,7 @@ def _less_steady(pairs: Sequence[SecondAnswer], grid: int) -> Iterator[TornPlace
         by_servo.setdefault(s.servo_id, []).append(s)
     for servo, some in by_servo.items():
         since = np.array([[t[1] - s.asked_before[0].t_ns for t in s.times] for s in some])
-        varies = np.subtract(*np.quantile(since, (0.75, 0.25), axis=0))
+        varies = np.subtract(*quantile(since, (0.75, 0.25), axis=0))
         is_own = bool(varies[0] > STEADIER * varies[1] + max(CLOCK_NS, grid))
         for s in some:
             begins, ends = s.times[0 if is_own else 1]

@@ -30,6 +30,7 @@ from sniffer.diagnosis.physics.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.physics.mixing import Mix, beginning, mix_of
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.distinct import within
+from sniffer.ground.medians import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
@@ -378,6 +379,6 @@ def _steady(theirs: Sequence[int], own: Sequence[int], than: float, grid: int) -
 
     How little they vary within a step of the stamps' ``grid`` nobody knows.
     """
-    low, high = np.quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
+    low, high = quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
     varies, other = (high - low).tolist()
     return bool(min(theirs) >= 0 and varies + grid <= min(than * other, JITTER_NS))

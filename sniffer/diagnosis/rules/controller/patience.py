@@ -14,7 +14,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.distinct import numbers
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS, NEVER_NS, NS
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def gives_up(case: Case) -> Iterator[Finding]:
     of_nobody = case.count("mismatched-response", "unsolicited-response")
     if not case.has_checksum and of_nobody >= ALTERED * n:  # altered ids: some are whose is awaited
         return
-    low, middle, high = np.quantile([f.wait_ns for f in failed], (0.1, 0.5, 0.9)).tolist()
+    low, middle, high = quantile([f.wait_ns for f in failed], (0.1, 0.5, 0.9)).tolist()
     unsure = float(median([f.unsure_ns for f in failed]))
     vary = ONE_TIME * middle + unsure
     is_one = high - low <= vary and abs(waited.low - middle) <= vary and 2 * unsure <= middle
@@ -236,7 +236,7 @@ def torn_behind(case: Case) -> Iterator[Finding]:
         return
     if any(case.total("ok", servo) < n for servo, n in late.items()):
         return  # who hardly ever answers is not there
-    low, middle, high = np.quantile([f.wait_ns for f in before], (0.1, 0.5, 0.9)).tolist()
+    low, middle, high = quantile([f.wait_ns for f in before], (0.1, 0.5, 0.9)).tolist()
     unsure = float(median([f.unsure_ns for f in before]))
     if case.has_clock and high - low > ONE_TIME * middle + unsure:
         return  # another controller's requests come after any time

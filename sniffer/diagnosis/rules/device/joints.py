@@ -16,7 +16,7 @@ from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.device.warmth import hot_times
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -266,7 +266,7 @@ def _pulls_by_error(one: JointTrack, motor: Effort, away: Away) -> bool:
         return False
     low, high = in_force(one.goal, p.t_first[rows], p.t[rows])
     off = np.abs((low + high) / 2 - p.last[rows])
-    least, most = np.quantile(worked, [0.1, 0.9])
+    least, most = quantile(worked, [0.1, 0.9])
     least = min(least, float(median(motor.steady)))
     if not off.std() or most < max(HARDER * least, motor.idles_to):
         return False

@@ -13,7 +13,7 @@ from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.limits import Limit, limit_told
 from sniffer.diagnosis.evidence.passing import misread_senders
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
@@ -114,7 +114,7 @@ HEAVY: Final = 1.5
 def voltage_sag(case: Case) -> Iterator[Finding]:
     """Servos whose supply falls."""
     known = {s: case.series(s, "voltage") for s in case.measured_by("voltage")}
-    usual = {s: float(np.quantile(v.mean, USUALLY)) for s, v in known.items() if v is not None}
+    usual = {s: float(quantile(v.mean, USUALLY)) for s, v in known.items() if v is not None}
     misread = misread_senders(case)  # some of what they seem to measure they did not say
     sound = [volts for servo, volts in usual.items() if servo not in misread]
     peers = float(median(sound)) if sound else 0.0
@@ -184,7 +184,7 @@ def steady(case: Case) -> Iterator[Finding]:
         # a supply that is cut off was in order before
         if v is None or not spells or len(v) < 2 or servo in gone_at_once(case):
             continue
-        usual = float(np.quantile(v.mean, USUALLY))
+        usual = float(quantile(v.mean, USUALLY))
         began = np.array([s.first_ns for s in spells], np.int64)
         row = np.searchsorted(v.t, began, "right") - 1
         age = began - v.t[np.maximum(row, 0)]

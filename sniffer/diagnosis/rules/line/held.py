@@ -13,7 +13,7 @@ from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.ledger.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.uart import FALLS
-from sniffer.ground.medians import median
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _in_vain(case: Case) -> float:
     waits = [f.wait_ns for f in case.ledger.exchanges.failed]
     if len(waits) < FAILED:
         return math.inf
-    return LONGER * float(np.quantile(waits, MOST)) + case.latency_ns
+    return LONGER * float(quantile(waits, MOST)) + case.latency_ns
 
 
 def held_value(case: Case) -> Iterator[Finding]:

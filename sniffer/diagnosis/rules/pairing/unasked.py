@@ -19,6 +19,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.distinct import within
+from sniffer.ground.medians import quantile
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -229,7 +230,7 @@ def _are_prompt(case: Case, servo: int) -> bool:
     if not case.has_prompt_stamps or not some:
         return True
     since = np.array([second[0] - first[1] for first, second in some])
-    return bool(np.quantile(since, 0.9) <= PROMPT_NS + 2 * case.latency_ns)
+    return bool(quantile(since, 0.9) <= PROMPT_NS + 2 * case.latency_ns)
 
 
 def _apart(case: Case, servo: int, words: I64, since: int, until: int) -> Iterator[Finding]:
