@@ -227,8 +227,8 @@ class Exchanges:
     def _hurried(self, r: RequestRows, rows: I64, idle: I64, torn: I64) -> None:
         """Note requests that came before the answer to the last one was over.
 
-        What stands right behind torn bytes may answer what they were, and behind a request
-        without an answer that one: one without a checksum (LSS) holds though its id is altered.
+        What stands right behind torn bytes, or behind a request that has no answer, may be the
+        answer to that: one without a checksum (LSS) holds though its id is altered here.
         """
         rows = rows[~within(r.answer_at[rows], torn) & (r.outcome[rows + 1] != NO_RESPONSE)]
         unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
