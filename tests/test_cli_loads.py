@@ -30,7 +30,7 @@ def test_help_loads_no_command_and_nothing_that_reckons() -> None:
 
 
 ROOT = Path(__file__).parents[1]
-HEAVY = ("tomllib", "tempfile", "shutil", "importlib.metadata", "serial", "mcap")
+HEAVY = ("numpy.ma", "tomllib", "tempfile", "shutil", "importlib.metadata", "serial", "mcap")
 FAR = ("merging", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
 SMALL = "sample_captures/mightyzap_manual.hex"
 
@@ -64,8 +64,7 @@ def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple
     is_table = command[0] == "decode" and "jsonl" not in command
     rich = () if is_table else ("rich",)
     assert ran.stdout.count("\n") > 3
-    masked = () if is_table else ("numpy.ma",)  # the diagnosis reckons with quantiles
-    unwanted = {*HEAVY, *masked, *rich, *(f"sniffer.{room}" for room in (*FAR, *apart))}
+    unwanted = {*HEAVY, *rich, *(f"sniffer.{room}" for room in (*FAR, *apart))}
     assert not unwanted & {*loaded}
 
 
@@ -78,3 +77,35 @@ def test_a_log_whose_stamps_tell_how_long_a_byte_takes_loads_no_masked_arrays(na
     python = [sys.executable, "-c", code, "decode", f"sample_captures/{name}", "--format", "jsonl"]
     ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
     assert ran.stderr.splitlines()[-1] == "0 False"
+
+
+def modules_of_a_table(*arguments: str) -> set[str]:
+    """Return what decoding something for people loads."""
+    code = (
+        "import sys; from sniffer.cli import run; status = run(['decode', *sys.argv[1:]]); "
+        "print(status, *sys.modules, file=sys.stderr)"
+    )
+    python = [sys.executable, "-c", code, *arguments]
+    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    status, *loaded = ran.stderr.splitlines()[-1].split()
+    assert status == "0"
+    return {*loaded}
+
+
+@pytest.mark.parametrize("name", ["mightyzap_clean.log", "wck_clean.log"])
+def test_the_table_of_a_sound_log_looks_for_faults_and_loads_no_weights(name: str) -> None:
+    loaded = modules_of_a_table(f"sample_captures/{name}")
+    assert "sniffer.diagnosis.rules.line.motors" in loaded
+    assert not {"numpy.ma", "sniffer.diagnosis.weights"} & loaded
+
+
+def test_the_table_of_a_log_that_breaks_off_loads_no_protocol_that_is_not_spoken(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "cut.log"
+    lines = (ROOT / "sample_captures" / "mightyzap_clean.log").read_text(encoding="utf-8")
+    cut = [*lines.splitlines()[:40], "(1795215313.0) bus0 #FFFFFF030A00"]
+    log.write_text("\n".join(cut) + "\n", encoding="utf-8")
+    loaded = modules_of_a_table(str(log), "--protocol", "mightyzap")
+    others = {f"sniffer.protocols.{name}" for name in ("lss", "wck", "rs30x")}
+    assert not {"numpy.ma", *others} & loaded

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.ground.distinct import among, distinct
+from sniffer.ground.distinct import among, distinct, within
 
 NUMBERS = st.lists(st.integers(-3, 40)) | st.lists(st.integers(-(2**62), 2**62))
 
@@ -24,3 +24,11 @@ def test_distinct_numbers_are_those_that_sorting_finds(numbers: list[int]) -> No
 def test_who_is_among_a_few_is_told_as_numpy_tells_it(numbers: list[int], few: list[int]) -> None:
     column = np.array(numbers, np.int64)
     assert among(column, few).tolist() == np.isin(column, few).tolist()
+
+
+def test_within_tells_what_numpy_tells_and_loads_less() -> None:
+    draw = np.random.default_rng(5)
+    for n, m in ((0, 0), (0, 3), (5, 0), (300, 40), (40, 300)):
+        column, others = draw.integers(-50, 50, n), draw.integers(-50, 50, m)
+        assert within(column, others).tolist() == np.isin(column, others).tolist()
+    assert within(np.array([3, 7]), (7,)).tolist() == [False, True]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,8 +21,7 @@ if TYPE_CHECKING:
 Span = tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Open:
+class Open(NamedTuple):
     """A request nobody answered in time: its answer may still come, late."""
 
     servo_id: int
@@ -52,8 +50,7 @@ class _Answered(NamedTuple):
         return int(self.asking.start[q]) + self.base, int(self.asking.length[q])
 
 
-@dataclass(frozen=True, slots=True)
-class Missed:
+class Missed(NamedTuple):
     """Requests without an answer, in wire order: those still open of before, and a batch's own.
 
     Where each ends (absolute), its servo and its token are columns; ``make`` tells one of the

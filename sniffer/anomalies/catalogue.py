@@ -6,9 +6,8 @@ and a test holds the two equal. A code never changes its meaning.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.anomalies.alarms import ALARM_CODES
 from sniffer.anomalies.tap import TAP_CODES
@@ -20,8 +19,7 @@ if TYPE_CHECKING:
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 
 
-@dataclass(frozen=True, slots=True)
-class Code:
+class Code(NamedTuple):
     """One kind of anomaly."""
 
     code: str

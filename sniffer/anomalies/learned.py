@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -26,8 +25,7 @@ class Change(NamedTuple):
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class FeedbackWrite:
+class FeedbackWrite(NamedTuple):
     """A servo's return mode became known (-1: unknown) at a row; ``servo_id`` -1: every servo's.
 
     With a ``new_id`` the servo took that one, and its return mode goes along.
@@ -66,8 +64,7 @@ class Told(NamedTuple):
     weighed: tuple[MetClue, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(NamedTuple):
     """What frames state, and what was learned from it on the way."""
 
     samples: Samples

@@ -23,7 +23,7 @@ explains more: its frames are shorter, so more of them stay whole.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -115,8 +115,7 @@ def _shares(scores: Mapping[str, float], names: Iterable[str]) -> str:
     return ", ".join(f"{name} {scores[name]:.1%}" for name in names)
 
 
-@dataclass(frozen=True, slots=True)
-class Mistake:
+class Mistake(NamedTuple):
     """A bus that was said to speak ``named``, which explains only ``share`` of its bytes."""
 
     bus: str

@@ -21,7 +21,8 @@ from sniffer.ground.chunks import clock_of
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
-from sniffer.ground.model import F64, I64, MS, NS, Chunk, Clock, MarkKind
+from sniffer.ground.medians import median
+from sniffer.ground.model import I64, MS, NS, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns
 
 if TYPE_CHECKING:
@@ -330,7 +331,7 @@ class _Look:
         if len(rows) < EXCHANGES or took.min() <= 0:
             return 0.0
         each = took / size
-        middle = _middle(each)
+        middle = float(median(each))
         steady = np.abs(each / middle - 1) < CLOSE / 2
         return middle if steady.mean() > 0.5 and took.sum() > SPAN_NS // 8 else 0.0
 
@@ -383,10 +384,3 @@ def _share_on(between: I64, timer_ns: int) -> float:
     """Return the share of deliveries that are whole periods of a timer apart."""
     near = np.round(between / timer_ns) * timer_ns
     return float((np.abs(between - near) <= min(1.25 * MS, timer_ns / 5)).mean())
-
-
-def _middle(numbers: F64) -> float:
-    """Return the median; ``np.median`` loads ``numpy.ma``, which takes as long as a small log."""
-    k = (len(numbers) - 1) // 2, len(numbers) // 2
-    low, high = np.partition(numbers, k)[[*k]].tolist()
-    return float((low + high) / 2)

@@ -10,8 +10,8 @@ without end; then the cut stays, and requests whose answers stand behind it are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ has another request under way never leaves one; holding more back would delay th
 take 0.36 s at 115200 baud) and bounds no memory."""
 
 
-@dataclass(frozen=True, slots=True)
-class Paired:
+class Paired(NamedTuple):
     """What follows from which request each answer belongs to, for the frames before a cut."""
 
     frames: Frames

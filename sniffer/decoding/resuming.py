@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.mixed import decoder_of
 from sniffer.decoding.options import AUTO
@@ -31,8 +30,7 @@ class UnheardBusError(Exception):
     """Something is said on a bus that was silent when the plan was made."""
 
 
-@dataclass(frozen=True, slots=True)
-class BusPlan:
+class BusPlan(NamedTuple):
     """By what one bus is decoded, once that was found out: what is spoken, and its times."""
 
     spoken: str | BusProtocol

@@ -258,12 +258,14 @@ def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     Args:
         head: the first bytes, some thousand.
         protocol: by which it is decoded, None: nobody knows. Where it does not hold, others are
-            tried, too.
+            tried, too; where it does, they are not even loaded (of a small log a tenth).
     """
     if len(head) < min(whole.least for whole in WHOLE):
         return None
     own = [] if protocol is None else [protocol]
-    some = {p.name: p for p in (*map(PROTOCOLS.__getitem__, PROTOCOLS.built_in), *own)}
+    some = {p.name: p for p in own}
+    if protocol is None or _unclaimed(protocol, head) > (1 - HOLDS) * len(head):
+        some = {**{name: PROTOCOLS[name] for name in PROTOCOLS.built_in}, **some}
     lost = {name: _unclaimed(p, head) for name, p in some.items()}
     if not min(lost.values()):
         return None

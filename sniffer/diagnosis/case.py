@@ -14,7 +14,7 @@ from sniffer.diagnosis.ledger.damage import HELD
 from sniffer.diagnosis.ledger.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.model import Place
 from sniffer.diagnosis.physics.misread import misread
-from sniffer.ground.distinct import among
+from sniffer.ground.distinct import among, numbers
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
@@ -223,7 +223,7 @@ class Case:
         """Bytes without a stop bit by bucket, servo and place (``lineerrors``)."""
         return self.ledger.line_errors.counted()
 
-    @property
+    @functools.cached_property
     def damages(self) -> Sequence[Damage]:
         """The first damaged places with their bytes."""
         return self.ledger.damages.kept
@@ -248,7 +248,7 @@ class Case:
     def servos(self) -> tuple[int, ...]:
         """Single servos that were asked, told something or heard, in order."""
         told = (self.traffic, self._values, self.answers)  # whom a list names is only asked
-        met = np.unique(np.concatenate([table["servo_id"] for table in told]))
+        met = numbers(np.concatenate([table["servo_id"] for table in told]))
         nobody = (*self.everyone, *leading_ids(self.protocol))
         return tuple(i for i in met.tolist() if i >= 0 and i not in nobody)
 

@@ -6,11 +6,10 @@ Rules bring their own entries (``rules/``); anomalies count as findings, too, un
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class FindingCode:
+class FindingCode(NamedTuple):
     """One kind of finding: what it says, and how one knows.
 
     ``is_omission``: a program leaves something out; where several servos miss it that is one

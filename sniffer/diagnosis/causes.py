@@ -8,9 +8,8 @@ like it, whatever area they are of, and none of it is to be looked for in two pl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import Severity
 
@@ -22,8 +21,7 @@ NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 LINE, SERVO, CONTROLLER, TAP = "line", "servo", "controller", "tap"
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
+class Cause(NamedTuple):
     """One cause. ``of`` is whose fault it is; a servo's is weighed for each servo by itself.
 
     ``prior`` is its weight before anything is known of the capture: rare causes need more evidence.

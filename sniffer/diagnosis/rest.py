@@ -12,6 +12,7 @@ import numpy as np
 from sniffer.anomalies.catalogue import CATALOGUE
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.rules.symptoms import SILENT
+from sniffer.ground.distinct import within
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import counted
 
@@ -165,7 +166,7 @@ def _explained(code: str, incidents: Iterable[Incident]) -> Set[int | None]:
 def _first_of(case: Case, part: Unexplained) -> int:
     """Return the place of the first of them."""
     rows = case.alarm_rows(part.code)
-    theirs = np.isin(case.alarms["servo_id"][rows], part.servo_ids) | (not part.servo_ids)
+    theirs = within(case.alarms["servo_id"][rows], part.servo_ids) | (not part.servo_ids)
     return int(case.alarms["at"][rows[theirs]].min())
 
 

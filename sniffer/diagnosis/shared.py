@@ -6,9 +6,8 @@ Or the buses are none, but the two wires of one line: each was tapped, and calle
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS
 from sniffer.ground.wording import and_, in_file_name
@@ -75,8 +74,7 @@ _FILES: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class OneWay:
+class OneWay(NamedTuple):
     """What is heard of a bus on which servos are asked or answer, and not both: its ``incident``.
 
     ``is_asked``: these are the requests.
@@ -96,8 +94,7 @@ class OneWay:
         return is_answer and is_meanwhile and bool(self.servos & controller.servos)
 
 
-@dataclass(frozen=True, slots=True)
-class Shared:
+class Shared(NamedTuple):
     """Incidents, by their numbers, that are likely one fault of their buses.
 
     ``told`` is how that shows, and what to do first.

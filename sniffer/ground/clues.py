@@ -8,7 +8,6 @@ knows a model or a protocol: all of it follows from the tables.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -51,8 +50,7 @@ _WIDEST: Final = 2
 """Bytes of the numbers looked at: no table with addresses has wider ones."""
 
 
-@dataclass(frozen=True, slots=True)
-class Clue:
+class Clue(NamedTuple):
     """One observation that models explain unequally well, ``points`` for each.
 
     ``address`` and ``width`` are the bytes that make it, ``known`` the models' names for them.

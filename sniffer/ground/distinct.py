@@ -58,6 +58,19 @@ def among(column: Any, few: Iterable[int]) -> Mask:
     return found
 
 
+def within(column: Any, others: Any) -> Mask:
+    """Tell of each number whether it is one of others, which may be many.
+
+    ``np.isin`` finds these with ``np.unique``, which loads ``numpy.ma``: see ``FEW``.
+    """
+    ordered = np.sort(others)
+    if not len(ordered):
+        return np.zeros(len(column), bool)
+    place = np.searchsorted(ordered, column)
+    found: Mask = ordered[np.minimum(place, len(ordered) - 1)] == column
+    return found
+
+
 def groups_of(keys: I64, few: int) -> Iterator[I64]:
     """Yield the row numbers of each distinct key, in order within a key.
 

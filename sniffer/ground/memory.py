@@ -14,8 +14,8 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar
+from dataclasses import fields, is_dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ Observed = Mapping[str, Any]
 """What can still be told of a memory from outside: plain values, which are compared."""
 
 
-@dataclass(frozen=True, slots=True)
-class Memorised:
+class Memorised(NamedTuple):
     """What one part of a decoder remembers, by its own names for it; ``parts`` are those of its.
 
     It can be pickled, and shares nothing with whom it is of.

@@ -7,9 +7,8 @@ expression and checksum are read from it. What the walker does not know it refus
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import construct as c
 import numpy as np
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
 Expression = Callable[[Any], Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(NamedTuple):
     """Numbers and expressions of one wire grammar; offsets count from the frame's first byte."""
 
     header: bytes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,8 +25,7 @@ class Edge(NamedTuple):
 Stretch = tuple[Edge, Edge]
 
 
-@dataclass(frozen=True, slots=True)
-class Sealed:
+class Sealed(NamedTuple):
     """A check that stands where its grammar says, over stretches of the packet, in order."""
 
     name: str

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
     from sniffer.sources import Source
 
 
-@dataclass(frozen=True, slots=True)
-class Converted:
+class Converted(NamedTuple):
     """What became of a capture: its totals, how the decoding ended, outputs that are gone."""
 
     summary: Summary

@@ -6,9 +6,8 @@ import contextlib
 import datetime
 import os
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer import __version__
 from sniffer.decoding.called import name_facts
@@ -112,8 +111,7 @@ def _handed_on(known: Mapping[str, str]) -> dict[str, str]:
     return first | kept
 
 
-@dataclass(frozen=True, slots=True)
-class Wide:
+class Wide(NamedTuple):
     """Tables have a column for each quantity of a servo; ``hold``: blanks repeat the last value.
 
     ``every_ns``: a bus has a row each such step of time, with what was said last in it.
@@ -123,8 +121,7 @@ class Wide:
     every_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Contents:
+class Contents(NamedTuple):
     """What a recording has beside the raw bytes: ``topics`` and ``joints`` of ``McapSink``."""
 
     topics: Sequence[str] | None = None

@@ -166,8 +166,7 @@ class SlowFrame:
     """Of a request whom it lists, in the order in which they are to answer."""
 
 
-@dataclass(frozen=True, slots=True)
-class FieldSpan:
+class FieldSpan(NamedTuple):
     """One field of a frame for ``sniffer explain``: bytes, name, value in words, remark."""
 
     offset: int

@@ -6,14 +6,12 @@ Used by ``sniffer explain``; slow and rare. Knows the construct classes that the
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import construct as c
 
 
-@dataclass(frozen=True, slots=True)
-class Leaf:
+class Leaf(NamedTuple):
     """One field: ``path`` is its dotted name, ``value`` what the grammar made of its bytes."""
 
     offset: int

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.patterns import later
@@ -54,8 +53,7 @@ class DumpLine(NamedTuple):
     gutter: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
+class Dialect(NamedTuple):
     """How one tool lays out a line.
 
     ``split`` returns None where the line is not of this tool; ``opener`` bytes stand between hex
@@ -158,8 +156,7 @@ def _fits(step: int, length: int, repeated: bool) -> bool:
     return step > 0 and step % length == 0 if repeated else step == length
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
+class _Layout(NamedTuple):
     """The columns of a line: those laid out alike are read many at a time."""
 
     length: int

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -93,8 +93,7 @@ class DamagedLine(DamagedInputError):
         self.nonsense = nonsense
 
 
-@dataclass(frozen=True, slots=True)
-class LineBlock:
+class LineBlock(NamedTuple):
     """Whole lines without the last line end; CRLF is already LF.
 
     ``number`` is the first line's, from 1. ``column`` counts the bytes of that line which earlier

@@ -7,6 +7,7 @@ for is left out and counted.
 
 from __future__ import annotations
 
+import importlib
 import threading
 import time
 from collections import deque
@@ -96,7 +97,8 @@ class Diagnosing:
         self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
 
     def start(self) -> None:
-        """Begin to judge."""
+        """Begin to judge; what tells of incidents is loaded now: later, bytes would wait for it."""
+        importlib.import_module("sniffer.diagnosis.stories")
         self._thread.start()
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:

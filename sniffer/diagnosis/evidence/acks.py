@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.ledger.damage import AT_TURN, IN_REPLY
 from sniffer.diagnosis.ledger.refusals import OPS
 from sniffer.diagnosis.model import Place
+from sniffer.ground.distinct import within
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -62,6 +63,6 @@ def seldom_answered(case: Case) -> Mapping[int, Volunteered]:
 def _torn(case: Case, servo: int, first_ns: int, last_ns: int) -> int:
     """Return how often torn bytes stood where a servo may have answered, in a stretch of time."""
     d = case.damage
-    rows = (d["servo_id"] == servo) & np.isin(d["turn"], (IN_REPLY, AT_TURN))
+    rows = (d["servo_id"] == servo) & within(d["turn"], (IN_REPLY, AT_TURN))
     rows &= (d["t_last"] >= first_ns) & (d["t_first"] <= last_ns)
     return int(d["n"][rows].sum())

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.evidence.tracks import track
 from sniffer.diagnosis.ledger.histograms import Histograms
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -186,10 +187,10 @@ def is_steady_for_a_while(case: Case) -> bool:
         for k in np.flatnonzero(n >= max(CYCLES, n.max(initial=0) / 2)).tolist():
             period = np.diff(t[kind == k])
             beside = np.lib.stride_tricks.sliding_window_view(period, 2 * NEAR + 1)
-            middle = np.median(beside, axis=1)
+            middle = median(beside, axis=1)
             off = period[NEAR:-NEAR] - middle
-            side = np.minimum(-np.quantile(off, EDGE), np.quantile(off, 1 - EDGE))
-            if 2 * (side - case.latency_ns) < STEADY * SPREAD * np.median(middle):
+            side = np.minimum(-quantile(off, EDGE), quantile(off, 1 - EDGE))
+            if 2 * (side - case.latency_ns) < STEADY * SPREAD * median(middle):
                 return True
     return False
 
@@ -222,9 +223,9 @@ def _is_kept_waiting(case: Case, slower_ns: int) -> bool:
                 continue
             idle = t[rows] - t[rows - 1] - took[kind[rows - 1]] - length[k] * slower_ns
             period = np.diff(t[kind == k])
-            late = period > (1 + SPREAD / 2) * np.median(period)
+            late = period > (1 + SPREAD / 2) * median(period)
             held = late & (idle - case.latency_ns <= SPREAD_NS)
-            begins = bool(np.quantile(idle[~late], 1 - BEGINS) > SPREAD_NS)
+            begins = bool(quantile(idle[~late], 1 - BEGINS) > SPREAD_NS)
             if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
                 return True
     return False
@@ -317,7 +318,7 @@ def _goes_far(case: Case, servo: int | None, t_ns: int, paused_ns: int = 0) -> b
     joint = track(case, servo) if servo is not None else None
     if joint is None:
         return False
-    way = float(np.median(np.abs(np.diff(joint.goal.last)))) if len(joint.goal) > 1 else 0.0
+    way = float(median(np.abs(np.diff(joint.goal.last)))) if len(joint.goal) > 1 else 0.0
     went_on = AHEAD * way * (1 + paused_ns / BUCKET_NS) if paused_ns else 0.0
     near = np.abs(joint.goal.t - t_ns) <= BUCKET_NS
     return float(joint.goal.step[near].max(initial=0.0)) > joint.far + went_on

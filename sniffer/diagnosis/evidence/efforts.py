@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import median, quantile
+
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case, Series
     from sniffer.ground.model import F64
@@ -52,7 +55,7 @@ class Effort:
         known = (self._case.series(i, quantity) for i in self._case.measured_by(quantity))
         return min(
             (
-                float(np.quantile(np.abs(s.mean), 0.1))
+                float(quantile(np.abs(s.mean), 0.1))
                 for s in known
                 if s is not None and s.unit == self.series.unit
             ),
@@ -81,7 +84,7 @@ class Effort:
         rows = (self.series.t >= first_ns) & (self.series.t_first <= last_ns)
         if not rows.any():
             return float("nan"), float("nan")
-        return float(np.median(self.steady[rows])), float(np.median(self.size[rows]))
+        return float(median(self.steady[rows])), float(median(self.size[rows]))
 
     def told(self, value: float) -> str:
         """Return a number in words, as the nearest that a servo can state: it is a mean."""
@@ -117,7 +120,7 @@ def stops_as_told(case: Case, servo: int, motor: Effort, first_ns: int, last_ns:
     registers, w = case.protocol.registers, case.writes
     unit = motor.series.unit
     stops = [i for i, r in enumerate(registers) if r.kind == "modifier" and unit and r.unit == unit]
-    told = (w["servo_id"] == servo) & np.isin(w["register"], stops) & (w["t_first"] <= first_ns)
+    told = (w["servo_id"] == servo) & within(w["register"], stops) & (w["t_first"] <= first_ns)
     rows = np.flatnonzero(told).tolist()
     limits = [int(w["low"][k]) * abs(registers[int(w["register"][k])].scale) for k in rows]
     _, peaks = motor.between(first_ns, last_ns)

@@ -12,7 +12,6 @@ Neither is a second answer to the request before, nor was it torn by one.
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.ledger.damage import IN_IDLE, IN_REQUEST
@@ -55,7 +54,7 @@ def _heard(case: Case) -> HeardWhole:
         return HeardWhole(frozenset(), frozenset())
     known = {*case.ledger.exchanges.kinds.requests, *case.ledger.damages.likes.known}
     joined = [
-        replace(d, got=d.got[:-size], length=d.length - size)
+        d._replace(got=d.got[:-size], length=d.length - size)
         for d in case.damages
         if d.turn == IN_REQUEST and not d.alike and d.length == len(d.got) > size
     ]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def _interlude(case: Case) -> Interlude | None:
     within = (line["bucket"] > first) & (line["bucket"] < last)
     said, held = int(line["bytes"][within].sum()), int(line["gap_bytes"][within].sum())
     took_ns = lost_ns[1] - lost_ns[0]
-    heard = np.unique(line["bucket"][line["bytes"] > 0])
+    heard = numbers(line["bucket"][line["bytes"] > 0])
     sound = min(np.count_nonzero(heard < first), np.count_nonzero(heard > last))
     if took_ns < LASTS_NS or size < SAID or said - held > BY_CHANCE * said:
         return None

@@ -11,6 +11,7 @@ from sniffer.diagnosis.evidence.tracks import FAR, in_force, track
 from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.returns import TURN
 from sniffer.diagnosis.ledger.steps import SPEED
+from sniffer.ground.medians import quantile
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NEVER_NS, NS
 
@@ -76,7 +77,7 @@ def altered(case: Case) -> Mapping[int, Sequence[Leap]]:
 def _altered(case: Case) -> Mapping[int, Sequence[Leap]]:
     out: dict[int, Sequence[Leap]] = {}
     for servo, (p, jumps) in jumping(case).items():
-        usual, span, least = float(np.quantile(p.step, USUAL)), _span(p), _least(p)
+        usual, span, least = float(quantile(p.step, USUAL)), _span(p), _least(p)
         # numbers are whole, and the way between two others bends
         near = (p.scale + usual) / 2
         bits = [b for k in range(16) if (b := p.scale * (1 << k)) <= span]
@@ -150,7 +151,7 @@ def _trips(case: Case, servo: int, p: Series) -> Iterator[Leap]:
 
 def _least(p: Series) -> float:
     """Return how far no joint goes between two values, by how far it usually does."""
-    usual = float(np.quantile(p.step, USUAL))
+    usual = float(quantile(p.step, USUAL))
     return max(AHEAD * usual, LEAST_SHARE * _span(p), FAR.get(p.unit, 0.0))
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.codes import COMMANDED
+from sniffer.ground.distinct import numbers, within
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,22 +35,22 @@ def misaddressed(case: Case) -> Mapping[int, int]:
 
 def _misaddressed(case: Case) -> Mapping[int, int]:
     w, t = case.writes, case.traffic
-    to_all = np.isin(t["servo_id"], case.everyone)
+    to_all = within(t["servo_id"], case.everyone)
     told = int(t["requests"][to_all].sum())
-    is_seldom = (w["n"] <= SELDOM * told) & ~np.isin(w["servo_id"], t["servo_id"])
+    is_seldom = (w["n"] <= SELDOM * told) & ~within(w["servo_id"], t["servo_id"])
     goals = [
         i
         for i, r in enumerate(case.protocol.registers)
         if r.role == COMMANDED and r.range is not None
     ]
-    is_goal = is_seldom & np.isin(w["register"], goals)
+    is_goal = is_seldom & within(w["register"], goals)
     low, high = np.zeros((2, len(case.protocol.registers)), np.int64)
     for i in goals:
         low[i], high[i] = case.protocol.registers[i].range or (0, 0)
     beyond = is_goal & ((w["low"] < low[w["register"]]) | (w["high"] > high[w["register"]]))
-    wrong = np.unique(w["servo_id"][beyond])
+    wrong = numbers(w["servo_id"][beyond])
     if len(wrong) < LEAST:
         return {}
     rows = np.flatnonzero(is_seldom)
     whose = w["servo_id"][rows]
-    return {s: int(w["n"][rows[whose == s]].max()) for s in np.unique(whose).tolist()}
+    return {s: int(w["n"][rows[whose == s]].max()) for s in numbers(whose).tolist()}

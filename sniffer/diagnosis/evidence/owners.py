@@ -30,6 +30,8 @@ from sniffer.diagnosis.ledger.damage import AT_TURN, HELD, IN_REPLY, IN_REQUEST,
 from sniffer.diagnosis.ledger.seconds import SecondAnswer
 from sniffer.diagnosis.physics.comparing import header_of
 from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
+from sniffer.ground.medians import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence, Set
@@ -223,7 +225,7 @@ def _whose_stands_for(servo: int, traces: Sequence[TornPlace], grid: int) -> int
 
 def _varies(since: Sequence[int]) -> float:
     """Return how much times vary, in ns, but for those that are out of line."""
-    return float(np.subtract(*np.quantile(since, (0.9, 0.1))))
+    return float(np.subtract(*quantile(since, (0.9, 0.1))))
 
 
 def _traces(case: Case) -> Sequence[TornPlace]:
@@ -304,7 +306,7 @@ def _less_steady(pairs: Sequence[SecondAnswer], grid: int) -> Iterator[TornPlace
         by_servo.setdefault(s.servo_id, []).append(s)
     for servo, some in by_servo.items():
         since = np.array([[t[1] - s.asked_before[0].t_ns for t in s.times] for s in some])
-        varies = np.subtract(*np.quantile(since, (0.75, 0.25), axis=0))
+        varies = np.subtract(*quantile(since, (0.75, 0.25), axis=0))
         is_own = bool(varies[0] > STEADIER * varies[1] + max(CLOCK_NS, grid))
         for s in some:
             begins, ends = s.times[0 if is_own else 1]
@@ -371,7 +373,7 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
     for span in spans:
         last = np.searchsorted(since, since + span, "right")
         first = int(np.argmax(last - np.arange(len(since))))
-        n = len(np.unique(which[first : last[first]]))
+        n = len(numbers(which[first : last[first]]))
         thick.append((n, span))
         told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
         if told > score:
@@ -387,5 +389,5 @@ def _thickest(pairs: Sequence[tuple[int, int]], grid: int) -> _Span:
     if not len(around):
         return _Span(0, 0, (), 0.0)
     first = int(around[np.argmax((last - np.arange(len(since)))[around])])
-    rows = np.unique(which[first : last[first]])
+    rows = numbers(which[first : last[first]])
     return _Span(int(since[first]), int(since[last[first] - 1]), tuple(rows.tolist()), score)

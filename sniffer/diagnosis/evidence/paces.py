@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.evidence.cycles import ALIKE
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _rests(case: Case) -> Sequence[Pause]:
         for n, row in enumerate(rows.tolist()):
             if 0 < row < len(t):
                 late[n] = int(ahead[row : row + AT_ONCE].max() - ahead[row])
-    usual = int(np.median(late)) if len(late) else 0
+    usual = int(median(late)) if len(late) else 0
     return [
         p._replace(sure_ns=p.sure_ns - max(by - usual, 0))
         for p, by in zip(pauses, late.tolist(), strict=True)
@@ -76,7 +77,7 @@ def usual_around(case: Case, pause: Pause) -> float:
     last = (pause.t_ns + pause.sure_ns + AROUND_NS) // BUCKET_NS
     rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
     rests = rests[rests > 0]
-    return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
+    return float(quantile(rests, MOSTLY)) if len(rests) else 0.0
 
 
 def is_of_slower_loop(case: Case, pause: Pause) -> bool:
@@ -103,4 +104,4 @@ def _on_each_side(case: Case, pause: Pause, share: float) -> Sequence[float]:
     edges = np.array([begin - AROUND_NS, begin, end, end + AROUND_NS]) // BUCKET_NS + (0, 1, 1, 1)
     first, until, since, last = np.searchsorted(line["bucket"], edges)  # a rest is where it ends
     sides = line["pause_max"][first:until], line["pause_max"][since:last]
-    return [float(np.quantile(s[s > 0], share)) for s in sides if (s > 0).sum() >= SIDE]
+    return [float(quantile(s[s > 0], share)) for s in sides if (s > 0).sum() >= SIDE]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.distinct import within
 from sniffer.ground.model import MS
 from sniffer.protocols.base import RESTARTS
 
@@ -34,7 +35,7 @@ def told_to(case: Case, servo: int, *quantities: str) -> Happenings:
     """
     h = case.settings(*quantities)
     own = h.servo_id == servo
-    to_all = np.isin(h.servo_id, case.everyone) & ~np.isin(h.at, h.at[own])
+    to_all = within(h.servo_id, case.everyone) & ~within(h.at, h.at[own])
     mine = h.take(np.flatnonzero(own | to_all))
     return mine.take(np.argsort(mine.at, kind="stable"))
 

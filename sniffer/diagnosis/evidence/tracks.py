@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.evidence.witnesses import moves_elsewhere, runs, stands_elsewhere
+from sniffer.ground.medians import median
 from sniffer.ground.model import NEVER_NS, NS
 from sniffer.protocols.base import LETS_GO, RESTARTS, TURNS_ELSEWHERE
 
@@ -130,7 +131,7 @@ class JointTrack:
             a, b = int(part[0]), int(part[-1])
             began = max(int(t[a]) - self._window_ns, int(self.position.t_first[0]))
             if int(t[b]) - began >= WINDOW_NS:
-                out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
+                out.append(Away(a, b, began, int(t[b]), float(median(self._error[part]))))
         return [one for one in out if not (self._is_seen_to_move(one) or self._is_in_step(one))]
 
     def follows(self, since_ns: int) -> bool:
@@ -170,13 +171,12 @@ class JointTrack:
     def _window_ns(self) -> int:
         """How long it is looked at: long enough for some positions.
 
-        Rests in which nobody looks at anything are left out: a loop that was stopped for minutes
-        does not look seldom.
+        Rests in which nobody looks are left out: a loop that was stopped does not look seldom.
         """
         p = self.position
         looks = int(p.n.sum())
         gaps = np.diff(p.t)
-        rests = int(gaps[gaps > REST * np.median(gaps)].sum()) if len(gaps) else 0
+        rests = int(gaps[gaps > REST * median(gaps)].sum()) if len(gaps) else 0
         each = (int(p.t[-1] - p.t_first[0]) - rests) // max(looks - 1, 1)
         return max(WINDOW_NS, LOOKS * each)
 
@@ -297,7 +297,7 @@ class JointTrack:
         if len(rows) < STOPS:
             return out
         place = self.position.last[rows]
-        there = rows[np.abs(place - np.median(place)) < self.far / 8]
+        there = rows[np.abs(place - median(place)) < self.far / 8]
         if len(there) >= max(STOPS, STOPPED * len(rows)) and np.ptp(goal[there]) > self.far:
             out[there] = True
         return out

@@ -29,6 +29,8 @@ from sniffer.diagnosis.physics.misread import alike_of
 from sniffer.diagnosis.physics.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.physics.mixing import Mix, beginning, mix_of
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
@@ -153,8 +155,8 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         rows = case.alarm_rows("duplicate-response", servo_id=servo)
         whole = int(case.alarms["n"][rows].sum())
         # what stands right behind a torn request is the answer to it
-        asked = np.isin(events.at, list(ends))
-        asked |= np.isin(events.at + events.length, list(requests_into))
+        asked = within(events.at, list(ends))
+        asked |= within(events.at + events.length, list(requests_into))
         events, whole = events.take(~asked), 0 if asked.all() else whole - int(asked.sum())
         other = late.get(servo)
         if other is None:
@@ -214,7 +216,7 @@ def _hand_over(case: Case, found: dict[int, Twin], one: Owner) -> None:
             continue
         events = case.anomalies("duplicate-response", servo_id=servo)
         # the second stands behind the first
-        its = int((~np.isin(events.at + events.length, list(places))).sum())
+        its = int((~within(events.at + events.length, list(places))).sum())
         if 2 * its < len(events):
             twin.whole, twin.times = 0, []
         twin.torn, twin.stray, twin.foreign, twin.crossed = (
@@ -385,6 +387,6 @@ def _steady(theirs: Sequence[int], own: Sequence[int], than: float, grid: int) -
 
     How little they vary within a step of the stamps' ``grid`` nobody knows.
     """
-    low, high = np.quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
+    low, high = quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
     varies, other = (high - low).tolist()
     return bool(min(theirs) >= 0 and varies + grid <= min(than * other, JITTER_NS))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.medians import quantile
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -65,7 +67,7 @@ def runs(case: Case, servo_id: int, span: tuple[int, int]) -> bool:
     """
     for speed in case.every(servo_id, "speed"):
         amount = np.maximum(np.abs(speed.low), np.abs(speed.high))
-        fastest = float(np.quantile(amount, FASTEST)) if len(amount) else 0.0
+        fastest = float(quantile(amount, FASTEST)) if len(amount) else 0.0
         rows = _within(speed, span)
         least = max(FAST * fastest, STEPS * speed.scale)
         if len(rows) >= LOOKS and float(amount[rows].min()) >= least:

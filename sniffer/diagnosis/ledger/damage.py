@@ -6,7 +6,6 @@ bytes; all of them are counted by servo and by whose turn it was.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -64,8 +63,7 @@ _COUNTS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Damage:
+class Damage(NamedTuple):
     """One place without a frame.
 
     ``kind`` is that of the gap, ``servo_id`` who was asked or is named (-1: nobody). ``asked`` is

@@ -16,6 +16,7 @@ from sniffer.diagnosis.ledger.moments import RequestMoments
 from sniffer.diagnosis.ledger.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.diagnosis.ledger.torn import torn_ends
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST
+from sniffer.ground.distinct import within
 from sniffer.ground.model import ECHO, NEVER_NS
 
 if TYPE_CHECKING:
@@ -226,11 +227,10 @@ class Exchanges:
     def _hurried(self, r: RequestRows, rows: I64, idle: I64, torn: I64) -> None:
         """Note requests that came before the answer to the last one was over.
 
-        What stands right behind torn bytes may be the answer to what they were, and what stands
-        behind a request that has no answer may be that: one without a checksum (LSS) holds though
-        its id is altered here.
+        What stands right behind torn bytes, or behind a request that has no answer, may be the
+        answer to that: one without a checksum (LSS) holds though its id is altered here.
         """
-        rows = rows[~np.isin(r.answer_at[rows], torn) & (r.outcome[rows + 1] != NO_RESPONSE)]
+        rows = rows[~within(r.answer_at[rows], torn) & (r.outcome[rows + 1] != NO_RESPONSE)]
         unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
         # The answer stands before the next request: its stamps are off by less than they may be,
         # or both were on the line at once.

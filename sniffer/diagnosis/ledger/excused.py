@@ -21,6 +21,7 @@ import numpy as np
 
 from sniffer.anomalies.found import NUMBER, Anomalies
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, REQUEST
+from sniffer.ground.distinct import among, numbers, within
 from sniffer.ground.model import ECHO, NS, RESETS, Batch, Clock, Frames, Samples, Transactions
 from sniffer.protocols.base import RESTARTS, ends_goal
 from sniffer.protocols.ids import shared_ids
@@ -115,7 +116,7 @@ class Excused:
         rows = np.flatnonzero((t.request != -1) & (t.outcome != NOT_EXPECTED))
         frames, of = batch.asking(t.request[rows])
         who = {*self._orders, *(servo for _, servo in told)}
-        mine = np.ones(len(rows), bool) if ALL in who else np.isin(frames.servo_id[of], list(who))
+        mine = np.ones(len(rows), bool) if ALL in who else within(frames.servo_id[of], list(who))
         rows, of = rows[mine], of[mine]
         at, t_start = frames.start[of] + batch.base, frames.t_start[of]
         found = Anomalies.of(batch.anomalies)
@@ -157,7 +158,7 @@ class Excused:
             return batch
         became = t.outcome.copy()
         became[rows[excused]] = NOT_EXPECTED
-        left = (found.code != _MISSING) | ~np.isin(found.at, at[excused])
+        left = (found.code != _MISSING) | ~within(found.at, at[excused])
         return replace(
             batch,
             transactions=replace(t, outcome=became),
@@ -176,8 +177,8 @@ class Excused:
     def _told(self, batch: Batch) -> Iterator[tuple[_Order, int]]:
         """Yield who is told to start anew, and whose id is given away."""
         f = batch.frames
-        deaf = [op for op in np.unique(f.op).tolist() if self._is_deafening(op)]
-        mine = (f.flags & RESETS != 0) | np.isin(f.op, deaf)
+        deaf = [op for op in numbers(f.op).tolist() if self._is_deafening(op)]
+        mine = (f.flags & RESETS != 0) | among(f.op, deaf)
         for row in np.flatnonzero(mine & (f.kind == REQUEST) & (f.flags & ECHO == 0)).tolist():
             servo = int(f.servo_id[row])
             at = int(f.start[row]) + batch.base

@@ -46,6 +46,7 @@ from sniffer.ground.codes import (
     RESPONSE,
     WHOLE,
 )
+from sniffer.ground.distinct import within
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.heard import HeardSpan
 from sniffer.ground.milli import in_milli
@@ -116,8 +117,7 @@ class Ledger:
         self.silences = Silences()
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
-        self.optional = OptionalAnswers()
-        self.unanswered_reads = UnansweredReads()
+        self.optional, self.unanswered_reads = OptionalAnswers(), UnansweredReads()
         self.steps = Steps(protocol)
         self.returns, self.goals_back = Returns(protocol), GoalsBack(protocol)
         self.exchanges = Exchanges(protocol)
@@ -255,7 +255,7 @@ class Ledger:
         )
         # Who answers behind others, to requests in one go, waited for them; or for its memory.
         writes = is_asked & (frames.data_length[rows] > 0)
-        lasts = writes & np.isin(frames.address[rows], self._kept)
+        lasts = writes & within(frames.address[rows], self._kept)
         alone = timed & (response == request + 1) & ~lasts
         whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
         self.took.add(whose, least[alone], took[alone] + spread[alone])

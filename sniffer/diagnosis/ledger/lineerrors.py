@@ -12,6 +12,7 @@ import numpy as np
 
 from sniffer.diagnosis.ledger.buckets import TimedBuckets
 from sniffer.ground.codes import REQUEST
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import MarkKind
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class LineErrors:
         behind = int(np.searchsorted(f.start, at + remark.length))
         asked = f.kind[first:behind] == REQUEST
         self.wide += 1
-        for servo in np.unique(f.servo_id[first:behind][asked]).tolist():
+        for servo in numbers(f.servo_id[first:behind][asked]).tolist():
             n, begun, _ = self.within.get(servo, (0, remark.t_ns, 0))
             self.within[servo] = n + 1, begun, remark.t_ns
 

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.ledger.buckets import Buckets, in_groups
 from sniffer.diagnosis.ledger.events import SETTING, Happenings
 from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ class Settings:
 
         Else who is switched off with all others, and on by itself, would be on all the time.
         """
-        to_all = np.isin(servo, self._everyone)
+        to_all = within(servo, self._everyone)
         if not to_all.any():
             return mine, servo
         holders: dict[int, dict[int, None]] = {}
@@ -140,7 +141,7 @@ class Settings:
                 holders.setdefault(key % self._count, {})[key // self._count - 1] = None
         rows: list[int] = []
         ids: list[int] = []
-        for row in np.flatnonzero(np.isin(register, register[to_all])).tolist():
+        for row in np.flatnonzero(within(register, register[to_all])).tolist():
             who = holders.setdefault(int(register[row]), {})
             if to_all[row]:
                 ids += who

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.ledger.keys import SLOTS, slots
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Silences:
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
-        for who in sorted({*np.unique(servo[missed]).tolist(), *self._open, *self._since}):
+        for who in sorted({*numbers(servo[missed]).tolist(), *self._open, *self._since}):
             mine = np.flatnonzero(servo == who)
             if len(mine):
                 ok = np.flatnonzero(answered[mine])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.ledger.buckets import in_groups
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ class Steps:
         told = zip(*(column[rows].tolist() for column in columns), strict=True)
         for k, step in zip(key[rows].tolist(), told, strict=True):
             self._kept.setdefault(k, []).append(Leap(*step))
-        for k in np.unique(key[rows]).tolist():
+        for k in numbers(key[rows]).tolist():
             self._kept[k].sort(key=lambda s: (-s.size, s.at))
             del self._kept[k][KEPT:]
 

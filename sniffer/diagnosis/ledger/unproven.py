@@ -13,6 +13,7 @@ import numpy as np
 
 from sniffer.anomalies.found import Anomalies
 from sniffer.ground.codes import NO_RESPONSE, OK
+from sniffer.ground.distinct import within
 from sniffer.ground.model import UNUSUAL
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Unproven:
             return batch
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0))
         answer = t.response[rows]
-        doubtful = np.isin(f.status[answer], self._codes) & (
+        doubtful = within(f.status[answer], self._codes) & (
             (f.flags[answer] & UNUSUAL > 0) | (f.data_length[answer] == 0)
         )
         who = f.servo_id[answer] & 255
@@ -59,5 +60,5 @@ class Unproven:
         return replace(
             batch,
             transactions=replace(t, outcome=outcome, response=response, response_time_ns=took),
-            anomalies=found.take(np.flatnonzero(~np.isin(found.at, places))),
+            anomalies=found.take(np.flatnonzero(~within(found.at, places))),
         )

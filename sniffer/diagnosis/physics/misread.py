@@ -9,7 +9,6 @@ so nothing here knows a checksum.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.holding import held
@@ -59,8 +58,7 @@ class Flip(NamedTuple):
     lags: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Misread:
+class Misread(NamedTuple):
     """A torn frame by its bits. ``servo_id`` -1: the controller's."""
 
     damage: Damage
@@ -117,7 +115,7 @@ def misread(
     out = []
     for d, sound, is_tried, one in zip(torn, alike, tried, strange, strict=True):
         told = next(found) if is_tried else ()
-        out.append(replace(one or _one(d, sound, told), seen=seen))
+        out.append((one or _one(d, sound, told))._replace(seen=seen))
     return out
 
 

@@ -18,6 +18,7 @@ from sniffer.diagnosis.ledger.buckets import SERVOS
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.device.complaints import COMPLAINTS
+from sniffer.ground.distinct import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +53,7 @@ def symptoms(case: Case) -> Iterator[Finding]:
     of_whom = {s: servo for servo, twin in twins(case).items() for s in twin.before}
     of_nobody = (alarms["code"] == NUMBER[BEYOND]) & bool(misaddressed(case))
     key = alarms["code"] * SERVOS + np.where(of_nobody, -1, alarms["servo_id"]) + 1
-    for one in np.unique(key).tolist():
+    for one in numbers(key).tolist():
         rows = np.flatnonzero(key == one)
         code, servo = case.code(one // SERVOS), one % SERVOS - 1
         if code in SILENT or code in COMPLAINTS:

@@ -62,6 +62,8 @@ _BEFORE: Final = ("line-error", "line-break", "bytes-lost")
 
 _KNOWN: Final = frozenset(w.finding for w in _WEIGHED if w.cause == MALFORMED)
 
+_OF_MIXED: Final = frozenset(w.finding for w in _WEIGHED if w.cause == MIXED)
+
 _SUSPECTS: Final = (
     *("wrong-baud", "bus-noise", "signal-integrity", "turnaround", "line-stuck"),
     *("mixed-protocols", "bad-cable", "clock-drift", "duplicate-id", "chatty-device"),
@@ -141,7 +143,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         *(
             (code, 0.1, "what holds of a protocol that nobody speaks holds by chance")
             for code in _BY_CHANCE
-            if code not in {w.finding for w in _WEIGHED if w.cause == MIXED}
+            if code not in _OF_MIXED
         ),
     ),
     *(

@@ -15,7 +15,7 @@ import functools
 import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from construct import (
     Byte,
@@ -184,8 +184,7 @@ class Word:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Modifier:
+class Modifier(NamedTuple):
     """A modifier's register by model, and the actions (by word) a page allows it for."""
 
     registers: tuple[int, ...]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sniffer.ground.model import Gap
 from sniffer.ground.patterns import later
@@ -56,8 +56,7 @@ class Line:
     text: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Misfit:
+class Misfit(NamedTuple):
     """Where a line stops making sense: ``column`` counts from 1, the mark's."""
 
     column: int

@@ -5,9 +5,8 @@ What the walker does not know it refuses when the protocol is made, it guesses n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import construct as c
 
@@ -32,8 +31,7 @@ ROOM: Final = 256
 """Counts of parameter bytes that are told apart; only open ends are longer."""
 
 
-@dataclass(frozen=True, slots=True)
-class Targets:
+class Targets(NamedTuple):
     """One of several servos: its fields from its first byte on, ``size`` bytes beside its data."""
 
     at: Mapping[str, Place]
@@ -41,8 +39,7 @@ class Targets:
     data: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
+class Shape(NamedTuple):
     """Where the fields lie, from the first byte of the parameters on.
 
     ``fixed`` bytes stand before ``data`` or ``targets``; from ``least`` to ``most`` there are.

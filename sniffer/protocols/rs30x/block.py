@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.ground.checksums import XOR8
 from sniffer.ground.codes import IF_ALL, MUST, NEVER, REQUEST, RESPONSE
-from sniffer.ground.distinct import numbers
+from sniffer.ground.distinct import numbers, within
 from sniffer.ground.framing import Block, candidates, settle, undecided_from
 from sniffer.ground.model import (
     ANY_ID,
@@ -153,7 +153,7 @@ def _with_resets(block: Block, start: I64, end: I64, waiting: I64) -> tuple[I64,
         ok = at + _RESET_LENGTH - 1 <= limit
         for guard in (*PLAN.checks, *RESET_GUARDS):
             ok = ok & guard(columns)
-        ok &= ~np.isin(at, start)
+        ok &= ~within(at, start)
         at, limit = at[ok], limit[ok]
         stop = at + _RESET_LENGTH
         wait = (stop > limit) & block.open(limit)

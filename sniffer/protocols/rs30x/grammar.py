@@ -11,9 +11,8 @@ values are little-endian. What only siblings' manuals or real controllers show i
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from construct import (
     BitStruct,
@@ -103,8 +102,7 @@ REFUSALS: Final = 1 << 1 | 1 << 3 | NACK
 """Status bits that say that the servo did not do what it was told."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReturnForm:
+class ReturnForm(NamedTuple):
     """What a reply nibble asks for; address and length are -1 where the packet gives them."""
 
     name: str

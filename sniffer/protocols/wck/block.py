@@ -13,7 +13,7 @@ import numpy as np
 
 from sniffer.ground.checksums import XOR7
 from sniffer.ground.codes import MUST, NEVER, OPTIONAL, REQUEST, RESPONSE
-from sniffer.ground.distinct import numbers
+from sniffer.ground.distinct import numbers, within
 from sniffer.ground.framing import Block, in_order, settle
 from sniffer.ground.model import (
     ANY_ID,
@@ -279,8 +279,8 @@ def _replies(
         echo = (_ECHO0[k] > 0) & _TWICE[k] & (data[begin] == data[start[rare] + _ECHO0[k]])
         echo &= data[begin + 1] == data[begin]
         may = (~first | _FF0[k]) & (~second | _FF1[k])
-        taken = first & np.isin(begin, heads) & ~echo | second & np.isin(begin + 1, heads)
-        waits = first & np.isin(begin, waiting) & ~echo | second & np.isin(begin + 1, waiting)
+        taken = first & within(begin, heads) & ~echo | second & within(begin + 1, heads)
+        waits = first & within(begin, waiting) & ~echo | second & within(begin + 1, waiting)
         plain[rare] = may & ~taken
         unsure[rare] = may & ~taken & waits
     return plain, unsure

@@ -14,9 +14,8 @@ Source: RoboBuilder wCK series user's manual 1.07, A-1 Communication Protocol, A
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from construct import (
     Array,
@@ -60,8 +59,7 @@ MASKS: Final[Mapping[str, int]] = MappingProxyType({"digital_output": 0b11})
 """Bits that count in a byte, where others are arbitrary. Source: manual 1.07, A-1-3 (22), (23)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Bits:
+class Bits(NamedTuple):
     """A bit field of Data1 or Data2, and the values a command allows in it."""
 
     name: str
@@ -69,8 +67,7 @@ class Bits:
     allowed: Sequence[int]
 
 
-@dataclass(frozen=True, slots=True)
-class Op:
+class Op(NamedTuple):
     """One command and its reply.
 
     ``params`` are the bytes behind Data2, ``tail`` what follows them in the two commands of

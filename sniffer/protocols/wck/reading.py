@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, Frames, Mask
 
 
-@dataclass(frozen=True, slots=True)
-class ByteRead:
+class ByteRead(NamedTuple):
     """A register's value in a frame: the byte at ``at``, shifted and masked; or H3 and L7 there."""
 
     register: int

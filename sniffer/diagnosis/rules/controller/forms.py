@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.evidence.placed import finding_of, single
 from sniffer.diagnosis.evidence.sameness import come_again, not_held
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import numbers, within
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def gain_read(case: Case) -> Iterator[Finding]:
         return
     rows = case.settings("servo_id")
     given = rows.take((rows.written == 1) & (rows.after == 0) & (rows.servo_id > 0))
-    for servo in np.unique(given.servo_id).tolist():
+    for servo in numbers(given.servo_id).tolist():
         mine = given.take(given.servo_id == servo)
         yield Finding(
             "gain-read-sets-id",
@@ -156,7 +157,7 @@ def items_misread(case: Case) -> Iterator[Finding]:
     if not some:
         return
     w = case.writes
-    rows = np.flatnonzero(np.isin(w["servo_id"], list(some)))
+    rows = np.flatnonzero(within(w["servo_id"], list(some)))
     first = int(rows[np.argmin(w["t_first"][rows])])
     ids = sorted(some)
     shown = ", ".join(map(str, ids[:SHOWN])) + (" ..." if len(ids) > SHOWN else "")

@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.chances import TORN, may_be_torn
 from sniffer.diagnosis.evidence.jumping import jumping
 from sniffer.diagnosis.evidence.trips import BEYOND, trips
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
@@ -212,7 +213,7 @@ def _jumps(case: Case, servo: int, goals: Series) -> tuple[I64, float]:
     if moving.sum() < BUCKETS:
         return none, 0.0
     travel = float(goals.high.max() - goals.low.min())
-    far = step > max(BEYOND * float(np.median(step[moving])), PART * travel)
+    far = step > max(BEYOND * float(median(step[moving])), PART * travel)
     if not far.any():
         return none, 0.0
     leaps = case.ledger.steps.of(servo, goals.index)
@@ -318,7 +319,7 @@ def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
     if (np.diff(goals.bucket[beside]) > 1).any():
         return True
     near = np.abs(goals.bucket - goals.bucket[r]) <= NEAR
-    most = float(np.median(goals.n[near]))
+    most = float(median(goals.n[near]))
     # a quarter second has one of a period more or less: two hundred milliseconds make it one or two
     if ((goals.n[beside] < STATED * most) & (goals.n[beside] < most - 1)).any():
         return True
@@ -329,7 +330,7 @@ def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
     if not len(seen):
         return False
     place = np.searchsorted(case.line["bucket"], goals.bucket[beside])
-    return bool((pauses[place] > PAUSED * float(np.median(seen))).any())
+    return bool((pauses[place] > PAUSED * float(median(seen))).any())
 
 
 RULES: Final[tuple[Rule, ...]] = (goal_jumps,)

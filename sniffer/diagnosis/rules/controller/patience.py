@@ -13,6 +13,8 @@ from sniffer.diagnosis.evidence.twins import late_answers
 from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
+from sniffer.ground.distinct import numbers
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS, NEVER_NS, NS
 
 if TYPE_CHECKING:
@@ -155,7 +157,7 @@ def after_next(case: Case) -> Iterator[Finding]:
     rows = case.alarm_rows("late-response")
     exchanges, known = case.ledger.exchanges, _shortest(case)
     waits = exchanges.waited()
-    for servo in np.unique(case.alarms["servo_id"][rows]).tolist():
+    for servo in numbers(case.alarms["servo_id"][rows]).tolist():
         mine = rows[case.alarms["servo_id"][rows] == servo]
         late = int(case.alarms["n"][mine].sum())
         failed = [f for f in exchanges.failed if f.servo_id == servo]
@@ -196,8 +198,8 @@ def gives_up(case: Case) -> Iterator[Finding]:
     of_nobody = case.count("mismatched-response", "unsolicited-response")
     if not case.has_checksum and of_nobody >= ALTERED * n:  # altered ids: some are whose is awaited
         return
-    low, middle, high = np.quantile([f.wait_ns for f in failed], (0.1, 0.5, 0.9)).tolist()
-    unsure = float(np.median([f.unsure_ns for f in failed]))
+    low, middle, high = quantile([f.wait_ns for f in failed], (0.1, 0.5, 0.9)).tolist()
+    unsure = float(median([f.unsure_ns for f in failed]))
     vary = ONE_TIME * middle + unsure
     is_one = high - low <= vary and abs(waited.low - middle) <= vary and 2 * unsure <= middle
     if not is_one or middle - case.latency_ns < WAITED_NS:
@@ -234,8 +236,8 @@ def torn_behind(case: Case) -> Iterator[Finding]:
         return
     if any(case.total("ok", servo) < n for servo, n in late.items()):
         return  # who hardly ever answers is not there
-    low, middle, high = np.quantile([f.wait_ns for f in before], (0.1, 0.5, 0.9)).tolist()
-    unsure = float(np.median([f.unsure_ns for f in before]))
+    low, middle, high = quantile([f.wait_ns for f in before], (0.1, 0.5, 0.9)).tolist()
+    unsure = float(median([f.unsure_ns for f in before]))
     if case.has_clock and high - low > ONE_TIME * middle + unsure:
         return  # another controller's requests come after any time
     waited = f" for {middle / MS:.1f} ms" if case.has_clock else ""

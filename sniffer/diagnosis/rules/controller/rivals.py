@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
 from sniffer.diagnosis.evidence.misaddressed import misaddressed
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median
 from sniffer.ground.milli import MILLI
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def goals_in_turns(case: Case) -> Iterator[Finding]:
             if back.n < max(LEAST, PART * back.of) or may_be_torn(case, back.n):
                 continue
             pairs = np.sort([(one.value, one.was) for one in back.kept], axis=1)
-            size = float(np.median(pairs[:, 1] - pairs[:, 0])) / MILLI
+            size = float(median(pairs[:, 1] - pairs[:, 0])) / MILLI
             if (np.ptp(pairs, axis=0) / MILLI <= SAME * size).all():
                 continue  # between two places one program sends it to and fro
             yield Finding(

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from sniffer.diagnosis.evidence.overdue import overdue
 from sniffer.diagnosis.evidence.overlying import lies_over
 from sniffer.diagnosis.evidence.twins import twins
@@ -24,6 +22,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.controller.patience import KNOWN, ONE_TIME, WAITED_NS
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -140,14 +139,14 @@ def _one_waits(case: Case) -> Iterable[int]:
         [f.wait_ns for f in exchanges.failed if f.outcome == NO_RESPONSE],
         [bounds.low for span in spans for bounds in span if bounds is not None],
     ):
-        low, middle, high = np.quantile(waits or [0], (0.1, 0.5, 0.9)).tolist()
+        low, middle, high = quantile(waits or [0], (0.1, 0.5, 0.9)).tolist()
         if len(waits) >= KNOWN and middle >= WAITED_NS and high - low <= ONE_TIME * middle:
             yield int(middle)
 
 
 def _late(torn: Sequence[_Torn], usual_ns: float) -> list[_Torn]:
     """Return those that come far later than others answer, and behind which it is as long again."""
-    low, high = np.quantile([t.failed.wait_ns for t in torn], (0.1, 0.9)).tolist()
+    low, high = quantile([t.failed.wait_ns for t in torn], (0.1, 0.9)).tolist()
     if not usual_ns or high - low > ONE_TIME * low:
         return []
     late = [t for t in torn if t.begins_ns >= LATER * usual_ns + LATER_NS]
@@ -168,8 +167,8 @@ def _usual_ns(case: Case, servo: int) -> float:
 
 def _finding(judged: Sequence[_Torn], shown: Sequence[_Torn], sure: float) -> Finding:
     """Return the finding of a servo's torn answers, with how long was waited behind them."""
-    waited = float(np.median([t.failed.wait_ns for t in shown])) / MS
-    came = float(np.median([t.begins_ns for t in shown])) / MS
+    waited = float(median([t.failed.wait_ns for t in shown])) / MS
+    came = float(median([t.begins_ns for t in shown])) / MS
     return Finding(
         "request-swallowed",
         None,

@@ -13,6 +13,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import may_be_torn
 from sniffer.diagnosis.evidence.tracks import in_force, track
 from sniffer.diagnosis.model import Finding
+from sniffer.ground.distinct import numbers, within
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -99,10 +100,10 @@ MOMENT_NS: Final = NS
 def complaints(case: Case) -> Iterator[Finding]:
     """Alarms, by code and servo, with their times and what was commanded before the first."""
     alarms = case.alarms
-    told = {n: case.code(n) for n in np.unique(alarms["code"]).tolist()}
+    told = {n: case.code(n) for n in numbers(alarms["code"]).tolist()}
     for number, code in ((n, code) for n, code in told.items() if code in COMPLAINTS):
         mine = alarms["code"] == number
-        for servo in np.unique(alarms["servo_id"][mine]).tolist():
+        for servo in numbers(alarms["servo_id"][mine]).tolist():
             rows = np.flatnonzero(mine & (alarms["servo_id"] == servo))
             count = int(alarms["n"][rows].sum())
             spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])
@@ -145,9 +146,9 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     stray = case.anomalies("mismatched-response", "unsolicited-response").t_ns
     if count == 1:
         is_nobody = is_torn and bool(case.answering) and servo not in case.answering
-        is_unasked = may_be_torn(case, count) and bool(np.isin(said, stray).all())
+        is_unasked = may_be_torn(case, count) and bool(within(said, stray).all())
         return BY_CHANCE if is_nobody or is_unasked else 0.8
-    is_torn &= bool(np.isin(case.anomalies(code).t_ns, stray).mean() > 0.5)
+    is_torn &= bool(within(case.anomalies(code).t_ns, stray).mean() > 0.5)
     return BY_CHANCE if is_torn else 1.0
 
 

@@ -16,6 +16,7 @@ from sniffer.diagnosis.evidence.trips import trips
 from sniffer.diagnosis.ledger.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.device.warmth import hot_times
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -265,8 +266,8 @@ def _pulls_by_error(one: JointTrack, motor: Effort, away: Away) -> bool:
         return False
     low, high = in_force(one.goal, p.t_first[rows], p.t[rows])
     off = np.abs((low + high) / 2 - p.last[rows])
-    least, most = np.quantile(worked, [0.1, 0.9])
-    least = min(least, float(np.median(motor.steady)))
+    least, most = quantile(worked, [0.1, 0.9])
+    least = min(least, float(median(motor.steady)))
     if not off.std() or most < max(HARDER * least, motor.idles_to):
         return False
     return float(np.corrcoef(off, worked)[0, 1]) >= TOGETHER
@@ -287,7 +288,7 @@ def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> Away | None:
         return None
     low, high = in_force(one.goal, s.t[rows] - NS // 8, s.t[rows])
     stands = p.last[away.first]
-    error = float(np.median(np.maximum(low - stands, stands - high)))
+    error = float(median(np.maximum(low - stands, stands - high)))
     if error <= WELL * one.far:
         return None
     since, until = int(s.t_first[rows[0]]), int(s.t[rows[-1]])

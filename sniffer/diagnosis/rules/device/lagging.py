@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.parts import grows, part_of
 from sniffer.diagnosis.evidence.tracks import in_force, track
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,7 +102,7 @@ def _lag(joint: JointTrack) -> _Lag | None:
     pace = np.array([g.step[told == k].sum() for k in range(PARTS)])
     if pace.min() <= 0 or pace.max() > EVENLY * pace.min():
         return None
-    parts = np.array([np.quantile(away[row == k], MOST) for k in range(PARTS)])
+    parts = np.array([quantile(away[row == k], MOST) for k in range(PARTS)])
     far_ns = int(p.t_first[np.argmax(row == np.argmax(parts > joint.far))])
     return _Lag(joint, parts, int(np.argmax(np.where(row == PARTS - 1, away, -1.0))), far_ns)
 

@@ -14,6 +14,7 @@ from sniffer.diagnosis.evidence.tracks import track
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.device.joints import ALARMS
 from sniffer.ground.codes import MEASURED
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NEVER_NS, NS
 from sniffer.protocols.base import LETS_GO, RESTARTS, TURNS_ELSEWHERE
 
@@ -237,14 +238,14 @@ def never_on(case: Case) -> Iterator[Finding]:
     """
     torque = [i for i, r in enumerate(case.protocol.registers) if r.quantity == "torque_enable"]
     w, tracks = case.writes, [t for t in map(functools.partial(track, case), case.servos) if t]
-    is_on = np.isin(w["register"], torque) & (w["high"] > 0)
+    is_on = within(w["register"], torque) & (w["high"] > 0)
     others = any(_went(t) for t in tracks)
     for one in tracks:
         servo = one.servo_id
         registers = case.registers_of(servo, "torque_enable")
         if not registers or registers[0].default != 0 or any(r.on_with for r in registers):
             continue
-        mine = is_on & np.isin(w["servo_id"], [servo, *case.everyone])
+        mine = is_on & within(w["servo_id"], [servo, *case.everyone])
         if _went(one) or not one.away or mine.any() or (others and not is_on.any()):
             continue
         first, last = one.away[0], one.away[-1]
@@ -265,14 +266,14 @@ def went_on(case: Case) -> Iterator[Finding]:
     """Find joints that follow again by themselves: who is without torque stays so until it is told."""
     torque = [i for i, r in enumerate(case.protocol.registers) if r.quantity == "torque_enable"]
     w, alarmed = case.writes, {int(i) for i in case.anomalies(*ALARMS).servo_id}
-    is_on = np.isin(w["register"], torque) & (w["high"] > 0)
+    is_on = within(w["register"], torque) & (w["high"] > 0)
     for servo in case.servos:
         registers = case.registers_of(servo, "torque_enable")
         one = track(case, servo) if registers and servo not in alarmed else None
         if one is None:
             continue
         # where a goal switches it on, a motor that is off is none that goals come to
-        mine = is_on & np.isin(w["servo_id"], [servo, *case.everyone])
+        mine = is_on & within(w["servo_id"], [servo, *case.everyone])
         if not mine.any():
             continue
         told_ns = int(w["t_last"][mine].max())

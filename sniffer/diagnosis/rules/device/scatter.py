@@ -15,6 +15,7 @@ from sniffer.diagnosis.evidence.tracks import in_force
 from sniffer.diagnosis.ledger.damage import IN_REQUEST, STRAYS
 from sniffer.diagnosis.ledger.returns import Returned
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
@@ -140,7 +141,7 @@ def _strays_of_others(case: Case, servo: int, returned: Returned) -> float:
     kept = [x for x in case.damages if x.turn in STRAYS]
     of_others = sum(x.asked_id not in (servo, -1) for x in kept) / max(len(kept), 1)
     d, a = _meanwhile(case.damage, returned), _meanwhile(case.answers, returned)
-    strays = int(d["n"][np.isin(d["turn"], STRAYS)].sum())
+    strays = int(d["n"][within(d["turn"], STRAYS)].sum())
     return of_others * strays / max(int(a["ok"][a["servo_id"] != servo].sum()), 1)
 
 

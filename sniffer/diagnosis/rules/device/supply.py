@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.limits import Limit, limit_told
 from sniffer.diagnosis.evidence.passing import misread_senders
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.milli import MILLI
 from sniffer.ground.model import NS
 
@@ -113,10 +114,10 @@ HEAVY: Final = 1.5
 def voltage_sag(case: Case) -> Iterator[Finding]:
     """Servos whose supply falls."""
     known = {s: case.series(s, "voltage") for s in case.measured_by("voltage")}
-    usual = {s: float(np.quantile(v.mean, USUALLY)) for s, v in known.items() if v is not None}
+    usual = {s: float(quantile(v.mean, USUALLY)) for s, v in known.items() if v is not None}
     misread = misread_senders(case)  # some of what they seem to measure they did not say
     sound = [volts for servo, volts in usual.items() if servo not in misread]
-    peers = float(np.median(sound)) if sound else 0.0
+    peers = float(median(sound)) if sound else 0.0
     for servo, v in known.items():
         if v is None:
             continue
@@ -155,7 +156,7 @@ def runs_down(case: Case) -> Iterator[Finding]:
     back = max(float(np.diff(one).max()) / one[0] for one in parts)
     if back > BACK or any(one[-1] > (1 - SPENT) * one[0] for one in parts):
         return
-    first, last = (float(np.median([one[k] for one in parts])) for k in (0, -1))
+    first, last = (float(median([one[k] for one in parts])) for k in (0, -1))
     v = known[0]
     yield Finding(
         "supply-runs-down",
@@ -183,7 +184,7 @@ def steady(case: Case) -> Iterator[Finding]:
         # a supply that is cut off was in order before
         if v is None or not spells or len(v) < 2 or servo in gone_at_once(case):
             continue
-        usual = float(np.quantile(v.mean, USUALLY))
+        usual = float(quantile(v.mean, USUALLY))
         began = np.array([s.first_ns for s in spells], np.int64)
         row = np.searchsorted(v.t, began, "right") - 1
         age = began - v.t[np.maximum(row, 0)]
@@ -202,7 +203,7 @@ def steady(case: Case) -> Iterator[Finding]:
                 Place(int(v.at[r]), 1, int(v.t_first[r]), f"voltage {v.told(v.last[r])}")
                 for r in row[:2].tolist()
             ),
-            strength=min(1.0, max(1.0 - float(np.median(age) - JUST_NS) / SOON_NS, OLD)),
+            strength=min(1.0, max(1.0 - float(median(age) - JUST_NS) / SOON_NS, OLD)),
         )
 
 
@@ -285,7 +286,7 @@ def _is_loaded(case: Case, servo: int, v: Series, low: I64) -> bool:
         steady, _ = motor.between(int(v.t_first[low[0]]), int(v.t[low[-1]]))
         if np.isfinite(steady):
             part = 1.0 if one == servo else 0.5  # its own load weighs more: it is behind its wire
-            usual += part * float(np.median(motor.steady))
+            usual += part * float(median(motor.steady))
             then += part * steady
     return then > HEAVY * usual > 0
 

@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.efforts import Effort, effort
 from sniffer.diagnosis.evidence.limits import Limit, limit_told
 from sniffer.diagnosis.evidence.tracks import LOOKS, track
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -307,7 +308,7 @@ def load(case: Case) -> Iterator[Finding]:
             continue
         longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
         # where it begins and ends a quarter second has the rest as well
-        most = float(max(np.median(motor.steady[a:b]) for a, b in stretches))
+        most = float(max(median(motor.steady[a:b]) for a, b in stretches))
         still = _stands(case, servo, [(int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches])
         yield Finding(
             "load-high-and-still" if still else "load-high",
@@ -375,8 +376,8 @@ def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> boo
 def _usual(case: Case, quantity: str) -> float:
     """Return what the servos of the bus usually have, each as much as the other."""
     known = (case.series(i, quantity) for i in case.measured_by(quantity))
-    medians = [float(np.median(np.abs(s.mean))) for s in known if s is not None]
-    return float(np.median(medians)) if medians else 0.0
+    medians = [float(median(np.abs(s.mean))) for s in known if s is not None]
+    return float(median(medians)) if medians else 0.0
 
 
 RULES: Final[tuple[Rule, ...]] = (temperature, saved_while_cool, saved_briefly, load)

@@ -17,6 +17,7 @@ from sniffer.diagnosis.evidence.placed import is_talk
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     if left + asked_torn < LEAST:
         return
     answers = sum(answered.values())
-    rows = in_request | (in_reply & ~np.isin(d["servo_id"], few))
+    rows = in_request | (in_reply & ~within(d["servo_id"], few))
     sizes = case.ledger.exchanges.sizes()
     said = answers * sizes[1] * (SEEN if case.has_bare_answers else 1)
     share = said / max(said + requests * sizes[0], 1)

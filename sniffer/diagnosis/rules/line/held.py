@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.hit import torn_answers
 from sniffer.diagnosis.ledger.damage import HELD, IN_IDLE, IN_REPLY, REST, STRAY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.uart import FALLS
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _in_vain(case: Case) -> float:
     waits = [f.wait_ns for f in case.ledger.exchanges.failed]
     if len(waits) < FAILED:
         return math.inf
-    return LONGER * float(np.quantile(waits, MOST)) + case.latency_ns
+    return LONGER * float(quantile(waits, MOST)) + case.latency_ns
 
 
 def held_value(case: Case) -> Iterator[Finding]:
@@ -196,9 +197,9 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     np.add.at(falls, at, short)
     if not (frames > 0).any():
         return (), ""
-    usual = float(np.median(frames[frames > 0]))
+    usual = float(median(frames[frames > 0]))
     dense = falls >= DENSE
-    full = falls >= max(FULL, float(np.median(falls[dense])) / 2 if dense.any() else FULL)
+    full = falls >= max(FULL, float(median(falls[dense])) / 2 if dense.any() else FULL)
     if dense.sum() < TWICE or falls[falls >= SOME].sum() < NEARLY_ALL * falls.sum():
         return (), ""
     let_by = float(frames[full].mean())

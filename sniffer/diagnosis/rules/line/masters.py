@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.stamps import EXACT_NS
 from sniffer.diagnosis.ledger.keys import request_key, requested_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.line.streams import TIMERS, do_meet, least_together
+from sniffer.ground.distinct import within
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _beats(case: Case, r: _Rhythm) -> bool:
     kinds = case.ledger.exchanges.kinds
     keys = request_key(*(np.array(c, np.int64) for c in (kinds.servo_id, kinds.op, kinds.address)))
     for t, kind in case.ledger.exchanges.moments.stretches():
-        own = t[np.isin(kind, np.flatnonzero(keys == r.key))]
+        own = t[within(kind, np.flatnonzero(keys == r.key))]
         if len(own) < LEAST:
             continue
         sooner, later = (own - r.period_ns * (1 + side * WITHIN) for side in (1, -1))
@@ -232,7 +233,7 @@ def crossings_of(kinds: I64) -> I64:
         return known[:0]
     often = np.flatnonzero(np.bincount(kinds) >= FOLLOWED)
     # all that are seldom said are one: none of them has a usual place
-    kinds = np.where(np.isin(kinds, often), np.searchsorted(often, kinds), len(often))
+    kinds = np.where(within(kinds, often), np.searchsorted(often, kinds), len(often))
     n = len(often) + 1
     pairs = np.bincount(kinds[:-1] * n + kinds[1:], minlength=n * n).reshape(n, n)
     total = pairs.sum(1)

@@ -15,6 +15,8 @@ from sniffer.diagnosis.ledger.buckets import FINE
 from sniffer.diagnosis.ledger.damage import AT_TURN, HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.line.damaged import singled_out
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import median, quantile
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -142,8 +144,8 @@ def damage_and_motors(case: Case) -> Iterator[Finding]:
     is_unmoved = correlated < UNMOVED and n.sum() >= PLENTY and varied >= VARIED
     if not is_moved and not is_unmoved:
         return
-    hard = level > np.quantile(level, 0.75)
-    rest = level < np.median(level)
+    hard = level > quantile(level, 0.75)
+    rest = level < median(level)
     yield Finding(
         "damage-while-moving" if is_moved else "damage-whatever-moves",
         None,
@@ -178,7 +180,7 @@ def _of_one_servo(case: Case) -> Mask:
     That chooses its servo, and goes with how often it is asked.
     """
     d = case.damage
-    out: Mask = (d["turn"] == IN_REPLY) & np.isin(d["servo_id"], list(singled_out(case)))
+    out: Mask = (d["turn"] == IN_REPLY) & within(d["servo_id"], list(singled_out(case)))
     places = Counter((x.turn, x.servo_id) for x in case.damages)
     theirs = Counter((x.turn, x.servo_id) for x in case.damages if of_twins(case, x))
     for (turn, servo), n in theirs.items():
@@ -245,7 +247,7 @@ def beyond_chance(level: F64, hits: F64, said: F64) -> tuple[float, float, float
     usual = hits.sum() * said / max(said.sum(), 1.0)
     more = hits - usual
     together = float((level * more).sum())
-    clipped = np.minimum(more, np.quantile(more, CLIPPED + 0.02))
+    clipped = np.minimum(more, quantile(more, CLIPPED + 0.02))
     if not clipped.std() or not level.std():
         return 0.0, 0.0, 0.0
     correlated = float(np.corrcoef(level, clipped)[0, 1]) * math.sqrt(_apart(level, clipped) - 1)
@@ -294,10 +296,10 @@ def _level(case: Case, quantity: str, first: int, count: int) -> tuple[F64 | Non
     if not known.any():
         return None, 0.0
     level = total / np.maximum(stated, 1)
-    level[~known] = np.median(level[known])
+    level[~known] = median(level[known])
     if quantity == "goal_position":  # the motor works behind the step
         level = np.maximum(level, np.concatenate([[0.0], level[:-1]]))
-    most = float(np.quantile(level, CLIPPED))
+    most = float(quantile(level, CLIPPED))
     return np.minimum(level, most) / most if most > 0 else None, float(known.mean())
 
 

@@ -17,6 +17,7 @@ from sniffer.diagnosis.ledger.unclaimed import first_low
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import REPEATS, SEQUENCE, is_even, repeated
 from sniffer.diagnosis.physics.uart import MIDDLE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 
@@ -185,7 +186,7 @@ def bits_read_twice(case: Case) -> Iterator[Finding]:
         return
     if lost < (1 - MOSTLY) * total and come_again(case):
         return
-    values = len(np.unique(head))
+    values = len(numbers(head))
     if values < VARIED:
         return
     # a loop that says little may have bits alike in all it says; what noise does to it, has not

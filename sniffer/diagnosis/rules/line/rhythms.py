@@ -14,6 +14,7 @@ from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.rules.line.damaged import singled_out
 from sniffer.diagnosis.rules.line.streams import LEAST
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ def _rhythms(t: I64, kind: I64) -> list[_Beat]:
         mine = t[kind == k]
         for step in (1, 2):  # two who say the same: every second one is of the same rhythm
             between = mine[step:] - mine[:-step]
-            period = float(np.median(between))
+            period = float(median(between))
             if period > 0 and (np.abs(between / period - 1) < NEAR).mean() >= TIGHT:
                 out += [_Beat(k, row, _period(row, period)) for row in _rows(mine, period)]
                 break
@@ -178,7 +179,7 @@ def _period(t: I64, about: float) -> float:
     """Return the period of a row: over many at once it is known better."""
     many = min(MANY, len(t) // 2)
     between = t[many:] - t[:-many]
-    return float(np.median(between / np.maximum(np.round(between / about), 1)))
+    return float(median(between / np.maximum(np.round(between / about), 1)))
 
 
 def _rows(t: I64, period: float) -> list[I64]:
@@ -222,8 +223,8 @@ def _way(a: _Beat, b: _Beat, torn: I64, latency_ns: int, span: int) -> float | N
     if len(behind) < LEAST:
         return None
     steps = np.diff(np.unwrap(behind / a.period, period=1.0))
-    middle = float(np.median(steps))
-    jump = JUMP * float(np.median(np.abs(steps - middle)))
+    middle = float(median(steps))
+    jump = JUMP * float(median(np.abs(steps - middle)))
     steps = np.clip(steps, middle - jump, middle + jump)
     trembles = float(steps.std()) / 2**0.5
     since, until = (np.searchsorted(torn, t) for t in (at - behind, at))

@@ -6,8 +6,6 @@ import itertools
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
 from sniffer.diagnosis.evidence.placed import finding_of, is_talk
@@ -16,6 +14,7 @@ from sniffer.diagnosis.ledger.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUE
 from sniffer.diagnosis.physics.uart import FALLS
 from sniffer.diagnosis.rules.line.damaged import CHANCE, LEAST, PLENTY, damage_of
 from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ def strays(case: Case) -> Iterator[Finding]:
     if not case.traffic["requests"].sum() or not is_talk(case):
         return  # no turn is heard, and an answer of a byte (an ACK of RS30x) is none by itself
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
-    torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
+    torn = int(d["n"][within(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
     seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in STRAYS})
     shown = ", ".join(seen[:4])
     both = at_turn | idle

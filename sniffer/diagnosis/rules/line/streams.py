@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.physics.misread import BITS_FEW
 from sniffer.diagnosis.rules.line.crossings import KINDS
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def _apart(t: I64, kind: I64, latency_ns: int) -> tuple[float, int, int, float, 
     best: tuple[float, int, int, float, int, int] | None = None
     for one in often:
         between = np.diff(times[one])
-        period = float(np.median(between))
+        period = float(median(between))
         if latency_ns > BLUR * period or (np.abs(between / period - 1) < STEADY).mean() < REGULAR:
             continue
         for other in often:

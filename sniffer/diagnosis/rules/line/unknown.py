@@ -11,6 +11,7 @@ import numpy as np
 from sniffer.decoding.beginnings import most_begun
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,10 +113,10 @@ def _form_of(head: bytes, header: bytes) -> _Form | None:
     for place in PLACES:
         for more in MORE:
             ends = at + data[at + place] + more
-            if np.count_nonzero(np.isin(ends, at)) < LEAST:
+            if np.count_nonzero(within(ends, at)) < LEAST:
                 continue
             kept = _in_a_row(at, ends)
-            whole = np.isin(ends[kept], at[kept])
+            whole = within(ends[kept], at[kept])
             n, of = int(whole.sum()), len(kept)
             lengths = np.unique(ends[kept][whole] - at[kept][whole], return_counts=True)[1]
             is_told = n >= LEAST and len(lengths) >= LENGTHS and n - lengths.max() >= SECOND * n

@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.evidence.tracks import track
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
 
@@ -267,7 +268,7 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         # what was before the first silence and long behind the last one is another matter
         first, back = runs[0].first_ns, runs[0].back_ns or 0
         until = (runs[-1].back_ns or 0) + BEHIND_NS
-        to_it = np.isin(w["servo_id"], [servo, *case.everyone]) & np.isin(w["register"], torque)
+        to_it = within(w["servo_id"], [servo, *case.everyone]) & within(w["register"], torque)
         writes = min(int(w["n"][to_it].sum()), _stated(case, servo, first, until))
         after = (joint.position.t_first > back) & (joint.position.t <= until)
         moved = joint.position.high[after].max(initial=-np.inf) - joint.position.low[after].min(

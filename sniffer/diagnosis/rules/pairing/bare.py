@@ -15,6 +15,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY
 from sniffer.diagnosis.rules.pairing.unasked import ALONE, EITHER, UNASKED, unlikely
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -153,16 +154,16 @@ def _followed(case: Case, whose: int, pieces: Sequence[Damage]) -> tuple[int, Se
     away = {s: x for s in case.answering if pieces and len(x := _away(case, s, pieces))}
     if not case.has_clock or len(away) < 2:
         return -1, ()
-    far = {s: float(np.median(np.abs(x))) for s, x in away.items()}
+    far = {s: float(median(np.abs(x))) for s, x in away.items()}
     servo, next_one = sorted(far, key=lambda s: far[s])[:2]
     near = max(far[servo], 1.0)
-    beside = away[whose] - np.median(away[whose]) if whose in away else away[next_one]
+    beside = away[whose] - median(away[whose]) if whose in away else away[next_one]
     if servo == whose or far[next_one] < FARTHER * near:
         return -1, ()
     fits = [d for d, x in zip(pieces, away[servo].tolist(), strict=True) if abs(x) <= MOVED + near]
     said = np.array([d.got[k] for d in fits for k in (0, -1)]).reshape(-1, 2)
     moved = float(np.ptp(said, axis=0).max()) if len(fits) >= UNASKED else 0.0
-    if moved < MOVED or np.median(np.abs(beside)) < APART * near:
+    if moved < MOVED or median(np.abs(beside)) < APART * near:
         return -1, ()
     return servo, fits if len(fits) >= BARE_SHARE * len(pieces) else ()
 

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.placed import silent
+from sniffer.ground.medians import quantile
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def _beyond(case: Case, p: Series, begun: I64) -> Iterator[tuple[float, str, flo
 
 
 def _side(then: F64, usual: F64, part: float, side: str, way: int) -> tuple[float, str, float]:
-    place = float(np.quantile(usual, part))
+    place = float(quantile(usual, part))
     there, share = int((then > place).sum()), float((usual > place).mean())
     chance = at_least(there, len(then), share) if there >= NEARLY * len(then) else 1.0
     return chance, side, way * place

@@ -16,6 +16,8 @@ from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.ledger.silences import of_one_length
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS
 from sniffer.ground.wording import between, counted, servos
 
@@ -217,7 +219,7 @@ def _for_a_while(case: Case, bad: list[LostAnswers]) -> Iterator[Finding]:
         chance = len(which) * at_least(int(n[best]), int(n[best]), min(usual, 1.0))
         times, at = one.times[mine], one.at[mine]
         missing = case.anomalies("no-response", servo_id=one.servo).t_ns
-        gone = int(np.isin(times, missing).sum())
+        gone = int(within(times, missing).sum())
         moments = 1 + int(one.apart(times).sum())
         if chance > ALONE or gone < GONE * len(times) or moments < LEAST:
             continue
@@ -289,7 +291,7 @@ def sooner_than_a_start(case: Case) -> Iterator[Finding]:
             runs[-1].back_ns or 0,
             len(gaps),
             f"{len(gaps)} of {len(runs)} outages of servo {servo} are one request long, and it "
-            f"answers {np.median(gaps) / 1e6:.0f} ms later: a start takes {START_NS // MS} ms or more",
+            f"answers {median(gaps) / 1e6:.0f} ms later: a start takes {START_NS // MS} ms or more",
             strength=sureness(chance),
         )
 

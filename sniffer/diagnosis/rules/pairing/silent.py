@@ -22,6 +22,7 @@ from sniffer.diagnosis.evidence.outages import (
 from sniffer.diagnosis.evidence.told import told_to_start
 from sniffer.diagnosis.ledger.silences import of_one_length
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 from sniffer.ground.wording import between, counted, servos
 
@@ -236,7 +237,7 @@ def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]
         return
     spans = np.array([s.lasted_ns for s in away]) / 1e6
     apart = np.diff([s.first_ns for s in away]) / NS
-    pace = f", every {np.median(apart):.2g} s or so" if case.has_clock else ""
+    pace = f", every {median(apart):.2g} s or so" if case.has_clock else ""
     missed = np.array([s.missed for s in away])
     told, unit = (spans, "ms") if case.has_clock else (missed, "requests")
     yield Finding(
@@ -245,10 +246,10 @@ def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]
         away[0].first_ns,
         away[-1].back_ns or 0,
         len(away),
-        f"servo {servo} went away {len(away)} times, for {np.median(told):.0f} {unit} in the middle "
+        f"servo {servo} went away {len(away)} times, for {median(told):.0f} {unit} in the middle "
         f"({told.min():.0f} to {told.max():.0f}){pace}",
         strength=min(0.55 + 0.15 * len(away), 1.0)
-        * (LONG if np.median(spans) > BOOT_MS else 1.0)
+        * (LONG if median(spans) > BOOT_MS else 1.0)
         * max(sureness(so_alike([s.bounds_ns for s in every]), SELDOM_ALIKE), UNKNOWN),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
     )

@@ -12,6 +12,7 @@ from sniffer.diagnosis.evidence.chances import at_least, may_be_torn, sureness
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.ledger.exchanges import FIRST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
 from sniffer.ground.model import NEVER_NS
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def _comes_first(case: Case, servo: int, kind: int) -> bool:
     ]
     before = total = 0
     for t, kinds in exchanges.moments.stretches():
-        to_it = np.isin(kinds, mine)
+        to_it = within(kinds, mine)
         rest = np.diff(t[to_it])
         total += int(rest.sum())
         before += int(rest[kinds[to_it][1:] == kind].sum())

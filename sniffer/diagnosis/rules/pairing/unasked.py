@@ -19,6 +19,8 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import alike
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.distinct import within
+from sniffer.ground.medians import quantile
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -230,7 +232,7 @@ def _seconds(case: Case, servo: int, ends: Set[int]) -> int:
     """
     events = case.anomalies("duplicate-response", servo_id=servo)
     rows = case.alarm_rows("duplicate-response", servo_id=servo)
-    return int(case.alarms["n"][rows].sum()) - int(np.isin(events.at, list(ends)).sum())
+    return int(case.alarms["n"][rows].sum()) - int(within(events.at, list(ends)).sum())
 
 
 def _are_prompt(case: Case, servo: int) -> bool:
@@ -242,7 +244,7 @@ def _are_prompt(case: Case, servo: int) -> bool:
     if not case.has_prompt_stamps or not some:
         return True
     since = np.array([second[0] - first[1] for first, second in some])
-    return bool(np.quantile(since, 0.9) <= PROMPT_NS + 2 * case.latency_ns)
+    return bool(quantile(since, 0.9) <= PROMPT_NS + 2 * case.latency_ns)
 
 
 def _apart(case: Case, servo: int, words: I64, since: int, until: int) -> Iterator[Finding]:

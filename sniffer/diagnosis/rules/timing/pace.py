@@ -36,6 +36,7 @@ from sniffer.diagnosis.evidence.paces import (
 )
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS, NS, Clock, MarkKind
 from sniffer.ground.timing import byte_time_ns
 
@@ -217,7 +218,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     spoken = line["pause_max"][line["pause_max"] > 0]
     if not case.has_clock or not len(spoken):
         return
-    usual = float(np.median(spoken))
+    usual = float(median(spoken))
     least = LONGER * usual + STALL_NS + 2 * case.latency_ns
     for uneven in loop_jitters(case):  # its longest cycles are what it is uneven by
         least = max(least, usual + TAIL * uneven.value("late_ns"))

@@ -11,6 +11,8 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.cycles import CYCLES, is_by_hand
 from sniffer.diagnosis.evidence.parts import grows, part_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import numbers, within
+from sniffer.ground.medians import median
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -110,7 +112,7 @@ class _Parts:
         waited = self._sums(case.answers, "took_sum")
         self.rest_ns: F64 = (span_ns - said - waited) / asked
         """What of that nobody speaks, and no answer is waited for that comes."""
-        awaited = np.isin(case.answers["servo_id"], case.answering)
+        awaited = within(case.answers["servo_id"], case.answering)
         missed = self._sums(case.answers, "asked", awaited) - self._sums(
             case.answers, "ok", awaited
         )
@@ -126,9 +128,9 @@ class _Parts:
     def is_one_task(self) -> bool:
         """Tell whether the servos have the same share of the requests in each part."""
         t = self._case.traffic
-        to = [self._sums(t, "requests", t["servo_id"] == i) for i in np.unique(t["servo_id"])]
+        to = [self._sums(t, "requests", t["servo_id"] == i) for i in numbers(t["servo_id"])]
         shares = np.array(to) / np.maximum(self.asked, 1)
-        usual = np.median(shares, axis=1, keepdims=True)
+        usual = median(shares, axis=1, keepdims=True)
         return bool((np.abs(shares - usual).sum(axis=0) <= 2 * APART).all())
 
     def begin(self, part: int) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.parts import grows, part_of
 from sniffer.diagnosis.ledger.keys import pair_key, pair_of
 from sniffer.diagnosis.ledger.slowest import SLOW_NS
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.distinct import within
 from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:
@@ -258,7 +259,7 @@ def _grown(case: Case, servo: int) -> list[float] | None:
 def _by_parts(case: Case, servos: set[int]) -> F64 | None:
     """Return how long answers of servos take on average, part by part; None: some have too few."""
     a = case.answers
-    mine = np.flatnonzero(np.isin(a["servo_id"], [*servos]))
+    mine = np.flatnonzero(within(a["servo_id"], [*servos]))
     part = part_of(a["t_first"][mine], case.first_ns, case.last_ns, PARTS)
     n, took = (np.bincount(part, a[name][mine], PARTS) for name in ("took_n", "took_sum"))
     return took / n if n.min() >= LEAST else None
@@ -349,7 +350,7 @@ def late_replies(case: Case) -> Iterator[Finding]:
         if n < AGAIN or not (is_more or alone):
             continue
         told = case.anomalies("late-response", servo_id=servo)
-        told = told.take(~np.isin(told.at, _to_memory(case, servo)))
+        told = told.take(~within(told.at, _to_memory(case, servo)))
         beside = f"of all others {others}" if len(case.answering) > 1 else "and no other answers"
         yield Finding(
             "late-replies",
@@ -370,7 +371,7 @@ def _to_memory(case: Case, servo: int) -> I64:
     kept = [not case.protocol.registers[what].volatile for what in told.what.tolist()]
     writes = told.at[np.array(kept, bool) & (told.written > 0)]
     late: I64 = case.anomalies("late-response", servo_id=servo).at
-    return late[np.isin(late, writes)]
+    return late[within(late, writes)]
 
 
 RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay, late_replies)

@@ -13,6 +13,7 @@ from sniffer.diagnosis.evidence.order import Order
 from sniffer.diagnosis.evidence.paces import rests_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.timing.pace import damaged_at, is_explained
+from sniffer.ground.medians import median
 from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def waits_alike(case: Case) -> Iterator[Finding]:
     long = [p for p in sorted(longer, key=lambda p: p.t_ns) if not is_explained(p, damaged, usual)]
     if not LEAST <= len(long) <= SELDOM * case.total("asked"):
         return
-    middle = float(np.median([p.sure_ns for p in long]))
+    middle = float(median([p.sure_ns for p in long]))
     alike = [p for p in long if abs(p.sure_ns - middle) <= ALIKE * middle + 2 * case.latency_ns]
     if len(alike) < NEARLY * len(long) or not _is_anywhere(case, alike):
         return
