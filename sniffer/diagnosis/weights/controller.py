@@ -26,7 +26,9 @@ WEIGHTS: Final = (
             "two-masters",
         )
         for weight in for_(
-            cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
+            cause,
+            ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so"),
+            ("command-under-answer", -6.0, "answers lie over commands, and nothing else is torn"),
         )
     ),
     *(
@@ -89,6 +91,7 @@ WEIGHTS: Final = (
         ("torn-when-none-due", -4.0, "behind an answer nobody speaks into its requests"),
         ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
+        ("command-under-answer", 6.0, "it says the next command while the answer comes"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
         ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-spoken-into", 2.5, "answers begin well, and somebody speaks into them"),
