@@ -7,14 +7,14 @@ import random
 from sniffer.diagnosis.physics.uart import BITS, both, heard, sent
 from tests.conversations import Conversation
 from tests.diagnosed import codes, verdicts
-from tests.streams import mightyzap
+from tests.streams import mightyzap, rs30x
 
 SERVOS = (1, 2, 3, 4, 5)
 
 
 def test_who_only_writes_to_servos_that_answer_does_not_wait() -> None:
     """Who gets a torn command does not answer, and the one behind it is whole again."""
-    told = _spoken(answer_ms=0.4).diagnosed()
+    told = _spoken("mightyzap").diagnosed()
     assert "command-under-answer" in codes(told)
     assert verdicts(told.incidents()) == [("impatient-controller", ())]
 
@@ -33,28 +33,48 @@ def test_commands_torn_by_noise_are_under_no_answer() -> None:
     assert "command-under-answer" not in codes(talk.diagnosed())
 
 
-def _spoken(answer_ms: float) -> Conversation:
-    """Return goals in a row, 0.3 ms apart, to servos that take some time to answer each."""
+def test_a_few_bits_that_fall_in_answers_spoken_into_are_no_weak_signal() -> None:
+    """An acknowledgement of one byte takes a bit or two of some commands, and tears the others."""
+    told = _spoken("rs30x").diagnosed()
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+def _spoken(protocol: str) -> Conversation:
+    """Return goals in a row, 0.3 ms apart, to servos that take 0.4 ms to answer each.
+
+    RS30x acknowledges with one byte, and the goals come 0.1 ms apart.
+    """
     rng = random.Random(7)
-    talk = Conversation("mightyzap", 57600)
-    for _ in range(200):
+    is_zap = protocol == "mightyzap"
+    talk = Conversation(protocol, 57600 if is_zap else 115200)
+    bit_ms = 1000 / talk.baud
+    rest_ms = 0.3 if is_zap else 0.1
+
+    def goal(servo: int) -> bytes:
+        if is_zap:
+            return talk.tongue.goal(servo, rng.random())
+        place = round(rng.uniform(-900, 900)).to_bytes(2, "little", signed=True)
+        return rs30x.packet(servo, 1, 0x1E, 2, 1, place)
+
+    def answer(servo: int) -> bytes:
+        return mightyzap.packet(servo, 0) if is_zap else b"\x07"
+
+    for _ in range(300):
         owed = 0
-        for servo in SERVOS:
-            command = talk.tongue.goal(servo, rng.random())
+        for servo in SERVOS if is_zap else (*SERVOS, 6):
+            command = goal(servo)
             if not owed:
                 talk.say(command)
                 owed = servo
             else:
-                bit_ms = 1000 / talk.baud
-                later = (answer_ms + rng.uniform(0, 0.06) - 0.3) / bit_ms
-                answer = sent(mightyzap.packet(owed, 0), begin=later)
-                torn = heard(both(sent(command), answer, min))
+                later = (0.4 + abs(rng.gauss(0, 0.05)) - rest_ms) / bit_ms
+                torn = heard(both(sent(command), sent(answer(owed), begin=later), min))
                 talk.say(torn)
                 talk.rest((len(command) - len(torn)) * BITS * bit_ms)
                 owed = 0
-            talk.rest(0.3)
-        if owed:
+            talk.rest(rest_ms)
+        if owed and is_zap:
             talk.rest(0.1)
-            talk.say(mightyzap.packet(owed, 0))
+            talk.say(answer(owed))
         talk.rest(15)
     return talk

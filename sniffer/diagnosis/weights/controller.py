@@ -101,6 +101,7 @@ WEIGHTS: Final = (
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
         ("no-response", 0.5, "answers are lost among requests"),
+        ("no-answer-heard", 0.2, "all answers lie under requests"),
         ("mismatched-response", 0.4, "an answer is taken for that to the next request"),
         ("unsolicited-response", 0.4, "an answer comes when it is not asked for any more"),
         ("duplicate-response", 0.2, "an answer comes behind that to the repeated request"),
