@@ -387,7 +387,7 @@ _CAUSES: Final = (
         "The next request comes while the answer to the last one is still due.",
         "Requests inside the window of the answer; answers cut by requests, or late to them.",
         "Servos that are too slow, two controllers.",
-        "Wait for the answer or for the manual's longest time; lengthen the timeout.",
+        "Wait for each answer, also to a write, or for the manual's longest time; lengthen the timeout.",
         "Double the controller's timeout: the losses go.",
     ),
     Cause(

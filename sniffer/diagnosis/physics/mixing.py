@@ -57,7 +57,8 @@ def _mixes(begin: bytes, other: bytes) -> dict[bytes, Mix]:
             edges = both(first, second, of)
             got = bytes(b.value for b in received(edges) if b.t + BITS <= sure)[:MOST]
             # what only lacks its first bytes is not two
-            lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in (1, 2, 3))
+            lost = range(1, min(4, len(begin)))
+            lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in lost)
             if len(got) >= LEAST and bits_wrong(got, begin) >= WRONG and not lacks:
                 out.setdefault(got, Mix(shift, how))
     return out

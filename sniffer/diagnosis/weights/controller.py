@@ -26,7 +26,9 @@ WEIGHTS: Final = (
             "two-masters",
         )
         for weight in for_(
-            cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
+            cause,
+            ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so"),
+            ("command-under-answer", -6.0, "answers lie over commands, and nothing else is torn"),
         )
     ),
     *(
@@ -89,6 +91,7 @@ WEIGHTS: Final = (
         ("torn-when-none-due", -4.0, "behind an answer nobody speaks into its requests"),
         ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
+        ("command-under-answer", 6.0, "it says the next command while the answer comes"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
         ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-spoken-into", 2.5, "answers begin well, and somebody speaks into them"),
@@ -98,6 +101,7 @@ WEIGHTS: Final = (
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
         ("no-response", 0.5, "answers are lost among requests"),
+        ("no-answer-heard", 0.2, "all answers lie under requests"),
         ("mismatched-response", 0.4, "an answer is taken for that to the next request"),
         ("unsolicited-response", 0.4, "an answer comes when it is not asked for any more"),
         ("duplicate-response", 0.2, "an answer comes behind that to the repeated request"),

@@ -27,13 +27,13 @@ FINDINGS: Final = (
     FindingCode(
         "same-bit",
         "It is always the same bit of a byte that is read wrong.",
-        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do.",
+        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do; it counts less where they are fewer than one in twenty of what is torn.",
         is_manner=True,
     ),
     FindingCode(
         "one-way-bits",
         "Bits are read wrong in one direction only: always 1 as 0, or always 0 as 1.",
-        "At least eight torn frames that single bits explain, nineteen in twenty of one direction, more than noise that prefers one by three to one would do.",
+        "At least eight torn frames that single bits explain, nineteen in twenty of one direction, more than noise that prefers one by three to one would do; it counts less where they are fewer than one in twenty of what is torn.",
         is_manner=True,
     ),
     FindingCode(
@@ -80,6 +80,10 @@ PART_BITS: Final = 0.2
 """Part of the torn frames that late edges leave with a bit or two misread: where nearly all are torn
 otherwise, it is not the edges that tear them."""
 
+PART_READ: Final = 0.05
+"""Part of all torn places that are bits of one kind misread: what is hardly ever seen in what is torn
+does not tear it."""
+
 LONG_ROW: Final = 12
 """Misread bits that are all in the second half of their bytes: chance has so many once in 4096."""
 
@@ -106,7 +110,8 @@ def bits(case: Case) -> Iterator[Finding]:
         return
     singles = [m.flips[0] for m in read if len(m.flips) == 1]
     every = [m.flips[0] for m in read]  # what befell one byte is one event
-    yield from _same_bit(read, singles)
+    seen = min(len(read) / (PART_READ * len(case.damages)), 1.0)
+    yield from _same_bit(read, singles, seen)
     ups = sum(f.up for f in every)
     n, most = len(every), max(ups, len(every) - ups)
     way = "0 as 1" if ups == most else "1 as 0"
@@ -117,7 +122,7 @@ def bits(case: Case) -> Iterator[Finding]:
             read,
             f"{most} of {n} misread bits are {way}",
             f"bits read {way} only",
-            sureness(chance, 1e-2),
+            sureness(chance, 1e-2) * seen,
         )
     known = [f for f in every if f.byte >= 0]
     lags = sum(f.lags for f in known)
@@ -156,7 +161,7 @@ def _at_the_turn(read: Sequence[Misread]) -> bool:
     return front >= PURE_WAY * len(read)
 
 
-def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Finding]:
+def _same_bit(read: Sequence[Misread], singles: Sequence[Flip], seen: float) -> Iterator[Finding]:
     if len(singles) < SAME:
         return
     bit, count = Counter(f.bit for f in singles).most_common(1)[0]
@@ -175,7 +180,7 @@ def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Find
             read,
             f"{count} of {len(singles)} frames with one wrong bit have it at bit {bit} of a byte",
             f"always bit {bit}",
-            sureness(chance),
+            sureness(chance) * seen,
         )
 
 
