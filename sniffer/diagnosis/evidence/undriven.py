@@ -6,22 +6,25 @@ makes of it without them. One of them proves nothing: noise turns a last bit int
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.holding import held
 from sniffer.diagnosis.evidence.chances import at_least
-from sniffer.diagnosis.evidence.signs import beginnings
+from sniffer.diagnosis.evidence.signs import SIGN, beginnings
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
-from sniffer.diagnosis.physics.comparing import header_of
+from sniffer.diagnosis.physics.comparing import alike, header_of
 from sniffer.diagnosis.physics.misread import alike_of
 from sniffer.diagnosis.physics.undriven import (
+    HEAD,
     REACH,
     before_let_go,
-    lacks_begin,
     lacks_bytes,
     lacks_end,
+    with_begin,
 )
+from sniffer.protocols.base import answer_begins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,6 +40,10 @@ LOOKED: Final = 60
 
 SHORTEST, LONGEST = REACH, 48
 """Bytes of a frame that is looked at: a shorter one is all end (an ACK)."""
+
+
+EITHER: Final = 0.5
+"""How often what takes an end of a frame takes its beginning."""
 
 
 @dataclass(slots=True)
@@ -67,71 +74,97 @@ def _undriven(case: Case) -> Mapping[int, Undriven]:
     out: dict[int, Undriven] = {}
     requests = case.ledger.exchanges.kinds.requests
     header = requests[0][: header_of(requests)] if requests else b""
+    looked = Counter[int]()
     for d in case.damages:
-        sender = d.servo_id if d.turn == IN_REPLY else CONTROLLER
-        one = out.setdefault(sender, Undriven())
-        if d.turn not in (IN_REPLY, IN_REQUEST) or one.torn >= LOOKED:
+        awaited = d.turn == IN_REPLY
+        sender = d.servo_id if awaited else CONTROLLER
+        # nothing tells what a bare answer was
+        is_known = d.turn == IN_REQUEST or (awaited and not case.has_bare_answers)
+        if not is_known or looked[sender] >= LOOKED:
             continue
-        if d.turn == IN_REPLY and case.has_bare_answers:
-            continue  # nothing tells what they were
-        for got in (d.got,) if d.turn == IN_REPLY else _apart(d.got, header):
-            _look(case, one, d, got)
-    return {sender: one for sender, one in out.items() if one.torn}
+        for got in (d.got,) if awaited else _apart(d.got, header):
+            if SHORTEST <= len(got) <= LONGEST:
+                looked[sender] += 1
+                _add(out, sender, _looked_at(case, d, got), d, len(got))
+    return out
 
 
 def _apart(got: bytes, header: bytes) -> Iterator[bytes]:
-    """Yield torn requests that stand one right behind the other."""
+    """Yield torn requests that stand one right behind the other, which may lack a first byte."""
     begin, least = 0, len(header) + 1
-    while header and (at := got.find(header, begin + least)) >= 0 and len(got) - at > least:
+    sign = header[1:] if len(header) > SIGN else header
+    while sign and (at := got.find(sign, begin + least)) >= 0 and len(got) - at > least:
         yield got[begin:at]
         begin = at
     yield got[begin:]
 
 
-def _look(case: Case, one: Undriven, d: Damage, got: bytes) -> None:
-    if not SHORTEST <= len(got) <= LONGEST:
-        return
+def _add(out: dict[int, Undriven], sender: int, meant: _Meant, d: Damage, size: int) -> None:
+    one = out.setdefault(CONTROLLER if meant.is_request else sender, Undriven())
     one.torn += 1
-    one.begins_by_chance += min(REACH / len(got), 1.0)
-    one.ends_by_chance += 1 / len(got)
-    known = _known(case, d)
-    if _lacks_end(case, d, got, known):
-        one.ends.append(d)
-    elif _lacks_begin(case, d, got, known):
+    one.begins_by_chance += EITHER * min(REACH / size, 1.0)
+    one.ends_by_chance += 1 / size
+    if meant.lacks_begin:
         one.begins.append(d)
+    if meant.lacks_end:
+        one.ends.append(d)
 
 
-def _known(case: Case, d: Damage) -> tuple[bytes, ...]:
-    """Return sound frames that are like a torn one."""
-    if d.turn == IN_REPLY:
-        return alike_of(d, case.ledger.damages.likes.known)
-    return (*d.alike, *case.ledger.exchanges.kinds.requests)
+class _Meant(NamedTuple):
+    """Which end of a torn frame is missing, and whether it is a request where an answer was due."""
+
+    lacks_begin: bool = False
+    lacks_end: bool = False
+    is_request: bool = False
 
 
-def _lacks_end(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bool:
-    if any(lacks_end(got, one) or lacks_bytes(got, one) for one in known):
-        return True
+def _looked_at(case: Case, d: Damage, got: bytes) -> _Meant:
+    """Look first whether it is what was due there."""
+    requests = (*d.alike, *case.ledger.exchanges.kinds.requests)
+    answers = _answers(case, d) if d.turn == IN_REPLY else ()
+    for known in (answers, requests):
+        if whole := _without_end(case, d, got, known):
+            return _Meant(lacks_end=True, is_request=_is_nearer(whole, requests, answers))
+        if whole := _without_begin(case, d, got, known):
+            return _Meant(lacks_begin=True, is_request=_is_nearer(whole, requests, answers))
+    return _Meant()
+
+
+def _answers(case: Case, d: Damage) -> tuple[bytes, ...]:
+    """Return answers like the one that is torn, or with what it begins."""
+    known = alike_of(d, case.ledger.damages.likes.known)
+    begins = (beginnings(case).get(d.servo_id, b""), answer_begins(case.protocol, d.asked))
+    return (*known, *(one for one in begins if one))
+
+
+def _is_nearer(meant: bytes, some: Sequence[bytes], others: Sequence[bytes]) -> bool:
+    """Tell whether a frame begins as one of some, for longer than as any of the others."""
+    longest = (max((alike(meant, one) for one in side), default=0) for side in (some, others))
+    return next(longest) > next(longest)
+
+
+def _without_end(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bytes:
+    """Return the frame of which bytes lack the end; none if they are none of any."""
+    if not known:
+        return b""
+    for one in known:
+        if lacks_end(got, one) or lacks_bytes(got, one):
+            return one
     may_be = [got[:-1] + bytes((byte,)) for byte in before_let_go(got[-1])]
     may_be += [got + bytes((byte,)) for byte in range(256)]
-    return _any_holds(case, d, may_be)
+    return _one_that_holds(case, d, may_be)
 
 
-def _lacks_begin(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bool:
-    heads = {one[:REACH] for one in known}
-    if d.turn == IN_REPLY:
-        heads.add(beginnings(case).get(d.servo_id, b"")[:REACH])
-    may_be = {
-        head[:k] + got[cut:]
-        for head in heads
-        for k in range(1, len(head) + 1)
-        for cut in range(k + 1)
-    }
-    meant = [one for one in may_be if one != got and lacks_begin(got, one)]
-    return _any_holds(case, d, meant)
+def _without_begin(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bytes:
+    """Return the frame of which bytes lack the beginning; none if they are none of any."""
+    heads = {one[:HEAD] for one in known}
+    may_be = {one for head in heads for one in with_begin(got, head)} - {got}
+    return _one_that_holds(case, d, sorted(may_be))
 
 
-def _any_holds(case: Case, d: Damage, may_be: Sequence[bytes]) -> bool:
-    """Tell whether one of what was meant is a frame; an answer is one behind its request."""
+def _one_that_holds(case: Case, d: Damage, may_be: Sequence[bytes]) -> bytes:
+    """Return the first of them that is a frame; an answer is one behind its request."""
     asked = d.asked if d.turn == IN_REPLY else b""
     tries = [asked + one for one in may_be]
-    return any(held(case.protocol, tries, [len(one) for one in may_be]))
+    holds = held(case.protocol, tries, [len(one) for one in may_be])
+    return next((one for one, is_frame in zip(may_be, holds, strict=True) if is_frame), b"")
