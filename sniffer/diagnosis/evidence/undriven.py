@@ -121,20 +121,22 @@ class _Meant(NamedTuple):
 def _looked_at(case: Case, d: Damage, got: bytes) -> _Meant:
     """Look first whether it is what was due there."""
     requests = (*d.alike, *case.ledger.exchanges.kinds.requests)
-    answers = _answers(case, d) if d.turn == IN_REPLY else ()
-    for known in (answers, requests):
-        if whole := _without_end(case, d, got, known):
-            return _Meant(lacks_end=True, is_request=_is_nearer(whole, requests, answers))
-        if whole := _without_begin(case, d, got, known):
-            return _Meant(lacks_begin=True, is_request=_is_nearer(whole, requests, answers))
+    answers = alike_of(d, case.ledger.damages.likes.known) if d.turn == IN_REPLY else ()
+    begins = (*answers, *_begins(case, d))
+    for known, heads in ((answers, begins), (requests, requests)):
+        if heads and (whole := _without_end(case, d, got, known)):
+            return _Meant(lacks_end=True, is_request=_is_nearer(whole, requests, begins))
+        if whole := _without_begin(case, d, got, heads):
+            return _Meant(lacks_begin=True, is_request=_is_nearer(whole, requests, begins))
     return _Meant()
 
 
-def _answers(case: Case, d: Damage) -> tuple[bytes, ...]:
-    """Return answers like the one that is torn, or with what it begins."""
-    known = alike_of(d, case.ledger.damages.likes.known)
+def _begins(case: Case, d: Damage) -> tuple[bytes, ...]:
+    """Return with what an answer begins that is due; nothing where none is."""
+    if d.turn != IN_REPLY:
+        return ()
     begins = (beginnings(case).get(d.servo_id, b""), answer_begins(case.protocol, d.asked))
-    return (*known, *(one for one in begins if one))
+    return tuple(one for one in begins if one)
 
 
 def _is_nearer(meant: bytes, some: Sequence[bytes], others: Sequence[bytes]) -> bool:
@@ -145,8 +147,6 @@ def _is_nearer(meant: bytes, some: Sequence[bytes], others: Sequence[bytes]) -> 
 
 def _without_end(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bytes:
     """Return the frame of which bytes lack the end; none if they are none of any."""
-    if not known:
-        return b""
     for one in known:
         if lacks_end(got, one) or lacks_bytes(got, one):
             return one
@@ -155,9 +155,9 @@ def _without_end(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> b
     return _one_that_holds(case, d, may_be)
 
 
-def _without_begin(case: Case, d: Damage, got: bytes, known: Sequence[bytes]) -> bytes:
+def _without_begin(case: Case, d: Damage, got: bytes, begins: Sequence[bytes]) -> bytes:
     """Return the frame of which bytes lack the beginning; none if they are none of any."""
-    heads = {one[:HEAD] for one in known}
+    heads = {one[:HEAD] for one in begins}
     may_be = {one for head in heads for one in with_begin(got, head)} - {got}
     return _one_that_holds(case, d, sorted(may_be))
 

@@ -34,6 +34,13 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         )
     ),
     *for_(
+        "tap-not-raw",
+        *(
+            (code, 0.1, "what is left out may be the end of a frame")
+            for code in (*_OF_ANSWERS, *_OF_REQUESTS)
+        ),
+    ),
+    *for_(
         "signal-integrity",
         *(
             (code, -2.0, "a weak signal does not choose the ends")
