@@ -58,11 +58,19 @@ class Undriven:
 
     def chance_of_begins(self) -> float:
         """Return how likely so many lack their beginning by chance."""
-        return at_least(len(self.begins), self.torn, self.begins_by_chance / max(self.torn, 1))
+        return self._chance(len(self.begins), len(self.ends), self.begins_by_chance)
 
     def chance_of_ends(self) -> float:
         """Return how likely so many lack their end by chance."""
-        return at_least(len(self.ends), self.torn, self.ends_by_chance / max(self.torn, 1))
+        return self._chance(len(self.ends), len(self.begins), self.ends_by_chance)
+
+    def _chance(self, here: int, there: int, by_chance: float) -> float:
+        """Return the likelier: that it hits any byte, or either end, as lost bytes do of a line.
+
+        Lines of text hold without most of their bytes, so that what is torn lacks an end.
+        """
+        anywhere = at_least(here, self.torn, by_chance / max(self.torn, 1))
+        return max(anywhere, at_least(here, here + there, EITHER))
 
 
 def undriven(case: Case) -> Mapping[int, Undriven]:

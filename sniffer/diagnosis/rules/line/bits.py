@@ -27,7 +27,7 @@ FINDINGS: Final = (
     FindingCode(
         "same-bit",
         "It is always the same bit of a byte that is read wrong.",
-        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do.",
+        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do; it counts less where fewer than a fifth of the torn frames have one bit wrong.",
         is_manner=True,
     ),
     FindingCode(
@@ -77,7 +77,7 @@ ENDING: Final = 5
 show."""
 
 PART_BITS: Final = 0.2
-"""Part of the torn frames that late edges leave with a bit or two misread: where nearly all are torn
+"""Part of the torn frames that slow edges leave with a bit or two misread: where nearly all are torn
 otherwise, it is not the edges that tear them."""
 
 LONG_ROW: Final = 12
@@ -106,7 +106,7 @@ def bits(case: Case) -> Iterator[Finding]:
         return
     singles = [m.flips[0] for m in read if len(m.flips) == 1]
     every = [m.flips[0] for m in read]  # what befell one byte is one event
-    yield from _same_bit(read, singles)
+    yield from _same_bit(case, read, singles)
     ups = sum(f.up for f in every)
     n, most = len(every), max(ups, len(every) - ups)
     way = "0 as 1" if ups == most else "1 as 0"
@@ -156,7 +156,7 @@ def _at_the_turn(read: Sequence[Misread]) -> bool:
     return front >= PURE_WAY * len(read)
 
 
-def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Finding]:
+def _same_bit(case: Case, read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Finding]:
     if len(singles) < SAME:
         return
     bit, count = Counter(f.bit for f in singles).most_common(1)[0]
@@ -175,7 +175,7 @@ def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Find
             read,
             f"{count} of {len(singles)} frames with one wrong bit have it at bit {bit} of a byte",
             f"always bit {bit}",
-            sureness(chance),
+            sureness(chance) * min(len(singles) / (PART_BITS * len(case.misreads)), 1.0),
         )
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _KNOWN_BY: Final = (
     "Three torn frames or more of one sender, half of those that are torn, hold with {} put back, and "
     "what was heard is what a UART makes of them while the line is high there; "
-    "it counts as much as chance seldom does so. Not of answers without a header and a checksum."
+    "hardly any lack the other end, which chance would take as often; the other side's do not. Not of answers without a header and a checksum."
 )
 
 FINDINGS: Final = (
@@ -59,6 +59,9 @@ LEAST: Final = 3
 MOST: Final = 0.5
 """Part of one sender's torn frames that must lack the same end: noise tears others beside."""
 
+CHANCE: Final = 1e-2
+"""What is as likely as that by chance is no driver: lost bytes may be the first ones of three."""
+
 ENOUGH: Final = 1e-3
 """How likely it may be by chance where it counts in full."""
 
@@ -77,20 +80,31 @@ _END: Final = _End("end", "last bits", "nobody drives the last bits of")
 
 def undriven_ends(case: Case) -> Iterator[Finding]:
     """Find senders whose frames lack the bits at one end."""
-    for sender, one in undriven(case).items():
-        yield from _told(sender, one, _BEGIN, one.begins, one.chance_of_begins())
-        yield from _told(sender, one, _END, one.ends, one.chance_of_ends())
+    senders = undriven(case).items()
+    begins = {s: (one.begins, one.chance_of_begins()) for s, one in senders}
+    ends = {s: (one.ends, one.chance_of_ends()) for s, one in senders}
+    for end, lacking in ((_BEGIN, begins), (_END, ends)):
+        told = [
+            _told(sender, undriven(case)[sender], end, *of)
+            for sender, of in lacking.items()
+            if _is_no_chance(undriven(case)[sender], *of)
+        ]
+        # what is lost of whoever speaks is lost by who listens
+        if len({f.servo_id is None for f in told}) == 1:
+            yield from told
+
+
+def _is_no_chance(one: Undriven, lacking: Sequence[Damage], chance: float) -> bool:
+    return len(lacking) >= max(LEAST, MOST * one.torn) and chance <= CHANCE
 
 
 def _told(
     sender: int, one: Undriven, end: _End, lacking: Sequence[Damage], chance: float
-) -> Iterator[Finding]:
-    if len(lacking) < max(LEAST, MOST * one.torn):
-        return
+) -> Finding:
     by_controller = sender == CONTROLLER
     side = "requests" if by_controller else "answers"
     whose = "requests" if by_controller else f"answers of servo {sender}"
-    yield finding_of(
+    return finding_of(
         lacking,
         f"{side}-{end.code}-undriven",
         None if by_controller else sender,
