@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.hosts import HOSTS
 from bench.diagnosis.making import bench_of, talked
@@ -87,6 +88,14 @@ def test_where_each_answer_of_a_servo_lacks_an_end_it_is_no_second_servo(
 )
 def test_what_tears_frames_anywhere_is_no_driver(trouble: Trouble, protocol: str) -> None:
     assert not codes(told(protocol, trouble)) & UNDRIVEN
+
+
+def test_first_bytes_that_a_tap_lost_are_the_taps() -> None:
+    """Of three equal bytes of a header any one that is lost is the first."""
+    (scenario,) = scenarios(8101, "tap-loss-told-mightyzap")
+    heard = HOSTS["exact"](scenario, scenario.make(8101), 8101)
+    told = diagnosed(heard.chunks, scenario.protocol, baud=scenario.baud)
+    assert verdicts(told.incidents()) == [("tap-loss", ())]
 
 
 ANSWER: Final = bytes.fromhex("FD DF 04 00 2A 02 01 ED 00 C0")

@@ -11,8 +11,7 @@ _OF_REQUESTS: Final = ("requests-begin-undriven", "requests-end-undriven")
 
 _ELSE: Final = (
     *("bus-noise", "bad-cable", "clock-drift", "duplicate-id", "impatient-controller"),
-    *("tap-loss", "two-masters", "wrong-baud", "mixed-protocols", "malformed-command"),
-    "chatty-device",
+    *("two-masters", "wrong-baud", "mixed-protocols", "malformed-command", "chatty-device"),
 )
 """Causes that tear frames anywhere."""
 
@@ -33,12 +32,16 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             ),
         )
     ),
-    *for_(
-        "tap-not-raw",
-        *(
-            (code, 0.1, "what is left out may be the end of a frame")
-            for code in (*_OF_ANSWERS, *_OF_REQUESTS)
-        ),
+    *(
+        weight
+        for cause in ("tap-loss", "tap-not-raw")
+        for weight in for_(
+            cause,
+            *(
+                (code, 0.1, "what is left out may be the end of a frame")
+                for code in (*_OF_ANSWERS, *_OF_REQUESTS)
+            ),
+        )
     ),
     *for_(
         "signal-integrity",
