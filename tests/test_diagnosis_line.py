@@ -30,7 +30,7 @@ from bench.diagnosis.troubles import (
 )
 from bench.diagnosis.uart import Clash, Receiver
 from sniffer.diagnosis.rules import AREA_OF
-from sniffer.diagnosis.rules.line import unknown
+from sniffer.diagnosis.rules.line import undriven, unknown
 from sniffer.diagnosis.rules.pairing import collisions, outages
 from tests import servos
 from tests.conversations import Conversation, robot
@@ -194,6 +194,7 @@ def two_makes(known: str = "mightyzap+wck") -> set[str]:
 ALL: Final = frozenset(
     {code for code, area in AREA_OF.items() if area == "line"}
     - {entry.code for entry in unknown.FINDINGS}  # `test_diagnosis_unknown_protocol` shows these
+    - {entry.code for entry in undriven.FINDINGS}  # and `test_diagnosis_undriven` these
     | {entry.code for part in (collisions, outages) for entry in part.FINDINGS}
 )
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from tests.conversations import Conversation, swinging
+from tests.conversations import Conversation, one_wire, robot, swinging
 from tests.diagnosed import codes, verdicts
 from tests.lists import in_turn
 
@@ -45,3 +47,18 @@ def test_where_not_one_request_holds_both_sides_are_heard() -> None:
 
 def test_who_is_not_answered_was_misread_by_the_servos_too() -> None:
     assert "answered-though-altered" not in codes(misread("rs30x", 3, answered=False).diagnosed())
+
+
+@pytest.mark.parametrize("seed", [6, 7, 9])
+def test_lines_that_lack_a_sign_are_let_go_by_no_driver_and_have_no_bit_that_falls(
+    seed: int,
+) -> None:
+    """A line holds without most of its signs: what is torn lacks an end, now this, now that."""
+    talk = robot("lss", 40, servos=(1, 2, 3, 4, 5))
+    rng = np.random.default_rng(seed)
+    lossy = []
+    for chunk in one_wire(talk):
+        kept = rng.random(len(chunk.data)) > 0.002
+        lossy.append(replace(chunk, data=bytes(np.frombuffer(chunk.data, np.uint8)[kept])))
+    first = talk.diagnosed(lossy).incidents()[0].causes[0].cause
+    assert first in {"tap-loss", "bus-noise"}

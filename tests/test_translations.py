@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from sniffer.decoding.translations import translated
+from sniffer.diagnosis.ledger.ledger import HEAD
 from sniffer.ground.model import Chunk, Direction
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
@@ -156,6 +158,16 @@ def test_an_answer_that_lacks_a_byte_does_not_take_the_next_request_with_it() ->
             talk.say(rs30x.returned(servo, 0x2A, state), Direction.RX)
     capture = altered(one_wire(talk), without(0x03, 0x1C))
     assert verdicts(talk.diagnosed(capture).incidents())[0] == ("tap-not-raw", ())
+
+
+def test_a_value_that_is_rare_is_missed_all_over_a_capture_though_not_in_its_first_bytes() -> None:
+    talk = robot(
+        "rs30x", 16, path=lambda servo, t: 0.3 if t < 10 else 0.5 + 0.4 * math.sin(servo + t)
+    )
+    data = b"".join(chunk.data for chunk in one_wire(talk))
+    assert b"\x0d" not in data[:HEAD]
+    turned_ends = [replace(c, data=c.data.replace(b"\x0d", b"\x0a")) for c in one_wire(talk)]
+    assert verdicts(talk.diagnosed(turned_ends).incidents()) == [("tap-not-raw", ())]
 
 
 @pytest.mark.parametrize("protocol", TONGUES)

@@ -140,6 +140,23 @@ class EarlyRelease(Trouble):
 
 
 @dataclass(slots=True)
+class LateDriver(EarlyRelease):
+    """A driver is on too late, and the line is high meanwhile.
+
+    ``bits``: how many of the first ones are lost; ``share``: of how many frames.
+    """
+
+    def on(self, bench: Bench, said: Said) -> Said:
+        """Cut the beginning of what is said."""
+        rng = bench.rng
+        concerned = self.senders is None or said.sender in self.senders
+        if not concerned or not _inside(self.windows, said.t_ns) or rng.random() > self.share:
+            return said
+        until = said.t_ns + rng.uniform(*self.bits) * said.bit_ns
+        return replace(said, muted=(*said.muted, (said.t_ns, until)), plain=False)
+
+
+@dataclass(slots=True)
 class _Planned(Trouble):
     """Pulses that follow from what is said."""
 

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any, Final
 from bench.diagnosis.bodies import steps
 from bench.diagnosis.dialects import DIALECTS
 from bench.diagnosis.ear import tapped
+from bench.diagnosis.line import CONTROLLER
 from bench.diagnosis.making import Plan, bench_of, episode, plan, some, talked
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.troubles import (
     BrokenWire,
     EarlyRelease,
     HeldLine,
+    LateDriver,
     LooseContact,
     MotorNoise,
     Noise,
@@ -55,6 +57,9 @@ def scenarios(draw: int = 0) -> Iterator[Scenario]:
         yield last_byte(protocol, draw)
         yield held_line(protocol, draw)
         yield stray_turn(protocol, draw)
+        yield late_driver(protocol, draw)
+        yield early_driver(protocol, draw)
+        yield late_controller(protocol, draw)
         yield stuck(protocol, draw)
         yield chatter(protocol, draw)
         yield loose_servo(protocol, draw)
@@ -146,6 +151,33 @@ def stray_turn(protocol: str, draw: int) -> Scenario:
     share = rng.uniform(0.15, 0.9)
     truth = Truth("turnaround", (), a, b)
     return troubled(it, [truth], lambda seed: [StrayTurn([(a, b)], bits=wide, share=share)])
+
+
+def late_driver(protocol: str, draw: int) -> Scenario:
+    """The driver of one servo is on too late: the beginning of its answers is nobody's."""
+    it = plan("turnaround-late-servo", protocol, draw, servos=(3, 7))
+    return _switched(it, LateDriver, some(it.rng, it.ids))
+
+
+def early_driver(protocol: str, draw: int) -> Scenario:
+    """The driver of one servo lets go before its last byte is over."""
+    it = plan("turnaround-early-servo", protocol, draw, servos=(3, 7))
+    return _switched(it, EarlyRelease, some(it.rng, it.ids))
+
+
+def late_controller(protocol: str, draw: int) -> Scenario:
+    """The controller's driver is on too late: the beginning of its requests is nobody's."""
+    it = plan("turnaround-late-controller", protocol, draw, retries=0)
+    return _switched(it, LateDriver, (CONTROLLER,))
+
+
+def _switched(it: Plan, kind: type[EarlyRelease], who: tuple[int, ...]) -> Scenario:
+    """Return a scenario of drivers that are on or off at the wrong time, seldom or each time."""
+    rng, (a, b) = it.rng, episode(it)
+    least = rng.uniform(1.0, 6.0)
+    bits, share = (least, least + rng.uniform(1.0, 9.0)), rng.choice((0.03, 0.3, 1.0))
+    truth = Truth("turnaround", (), a, b)
+    return troubled(it, [truth], lambda seed: [kind([(a, b)], bits, frozenset(who), share)])
 
 
 def _holes(it: Plan, length: tuple[float, float], apart: tuple[float, float]) -> Windows:

@@ -31,7 +31,7 @@ from sniffer.decoding.texts import (
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence, Set
 
     from sniffer.protocols.base import BusProtocol
 
@@ -311,12 +311,20 @@ def _mended_of(some: Iterable[BusProtocol], head: bytes, lost: dict[str, int]) -
 
 
 def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
-    """Look for a value that is never seen, and with which torn frames hold."""
-    torn = _torn(protocol, head)
+    """Look for a value that is never seen in a stretch, and with which what is torn there holds."""
+    return translated_torn(protocol, _torn(protocol, head), frozenset(head))
+
+
+def translated_torn(
+    protocol: BusProtocol, torn: Sequence[tuple[int, bytes]], seen: Set[int]
+) -> Translated | None:
+    """Look for a value that is never seen, and with which torn frames hold.
+
+    ``torn`` has these with where they stand, ``seen`` the values that are seen.
+    """
     counts = Counter(got for _, got in torn)
     if sum(counts.values()) < LEAST_MENDED:
         return None
-    seen = set(head)
     common = dict(counts.most_common(TRIED))
     of = sum(common.values())
     ways: list[tuple[str, str, Callable[[bytes], list[bytes]]]] = []

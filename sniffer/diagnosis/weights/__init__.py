@@ -6,7 +6,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, identity, line, outage, proven, tap, wire
+from sniffer.diagnosis.weights import (
+    controller,
+    device,
+    driver,
+    identity,
+    line,
+    outage,
+    proven,
+    tap,
+    wire,
+)
 from sniffer.diagnosis.weights.table import KEY, Weight
 
 if TYPE_CHECKING:
@@ -16,6 +26,7 @@ if TYPE_CHECKING:
 _AREAS: Final = (
     *tap.WEIGHTS,
     *line.WEIGHTS,
+    *driver.WEIGHTS,
     *wire.WEIGHTS,
     *device.WEIGHTS,
     *identity.WEIGHTS,

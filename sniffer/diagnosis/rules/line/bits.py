@@ -27,7 +27,7 @@ FINDINGS: Final = (
     FindingCode(
         "same-bit",
         "It is always the same bit of a byte that is read wrong.",
-        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do; it counts less where they are fewer than one in twenty of what is torn.",
+        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do; it counts less where fewer than a fifth of the misread frames have one bit wrong, or misread ones are fewer than one in twenty of what is torn.",
         is_manner=True,
     ),
     FindingCode(
@@ -77,7 +77,7 @@ ENDING: Final = 5
 show."""
 
 PART_BITS: Final = 0.2
-"""Part of the torn frames that late edges leave with a bit or two misread: where nearly all are torn
+"""Part of the torn frames that slow edges leave with a bit or two misread: where nearly all are torn
 otherwise, it is not the edges that tear them."""
 
 PART_READ: Final = 0.05
@@ -111,6 +111,7 @@ def bits(case: Case) -> Iterator[Finding]:
     singles = [m.flips[0] for m in read if len(m.flips) == 1]
     every = [m.flips[0] for m in read]  # what befell one byte is one event
     seen = min(len(read) / (PART_READ * len(case.damages)), 1.0)
+    seen *= min(len(singles) / (PART_BITS * len(case.misreads)), 1.0)
     yield from _same_bit(read, singles, seen)
     ups = sum(f.up for f in every)
     n, most = len(every), max(ups, len(every) - ups)

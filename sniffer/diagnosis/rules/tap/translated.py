@@ -8,8 +8,9 @@ import numpy as np
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.texts import READABLE, is_printed
-from sniffer.decoding.translations import Translated, translated
+from sniffer.decoding.translations import LONGEST, Translated, translated, translated_torn
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.ground.codes import NEVER, REQUEST
@@ -56,7 +57,8 @@ def bytes_translated(case: Case) -> Iterator[Finding]:
     """Look whether a translation explains what no frame claims."""
     if case.lost_ns is None:
         return
-    found = translated(case.ledger.head, case.protocol) or _without_eighth_bit(case)
+    found = translated(case.ledger.head, case.protocol) or _of_torn(case)
+    found = found or _without_eighth_bit(case)
     if found is None:
         return
     first_ns, last_ns = case.lost_ns
@@ -76,6 +78,13 @@ def bytes_translated(case: Case) -> Iterator[Finding]:
         tuple(Place(at, length, first_ns, where) for at, length in found.at),
         brief=brief,
     )
+
+
+def _of_torn(case: Case) -> Translated | None:
+    """Look at the torn frames of the whole capture: a value may be rare, and few stand at its head."""
+    torn = [d for d in case.damages if d.turn in (IN_REPLY, IN_REQUEST) and d.length <= LONGEST]
+    seen = frozenset(case.ledger.head).union(*(d.got for d in torn))
+    return translated_torn(case.protocol, [(d.at, d.got) for d in torn], seen)
 
 
 def _exchanges(case: Case, found: Translated) -> tuple[int, int]:
