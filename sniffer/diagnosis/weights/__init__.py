@@ -6,7 +6,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, identity, line, outage, proven, tap, wire
+from sniffer.diagnosis.weights import (
+    controller,
+    device,
+    identity,
+    line,
+    missing,
+    outage,
+    proven,
+    tap,
+    wire,
+)
 from sniffer.diagnosis.weights.table import KEY, Weight
 
 if TYPE_CHECKING:
@@ -20,6 +30,7 @@ _AREAS: Final = (
     *device.WEIGHTS,
     *identity.WEIGHTS,
     *controller.WEIGHTS,
+    *missing.WEIGHTS,
     *outage.WEIGHTS,
     *proven.WEIGHTS,
 )
