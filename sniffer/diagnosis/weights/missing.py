@@ -18,6 +18,10 @@ WEIGHTS: Final = (
         )
     ),
     *for_(
+        "signal-integrity",
+        ("one-question-unanswered", -4.0, "who hears the controller badly chooses no question"),
+    ),
+    *for_(
         "bad-cable",
         ("same-request-missed", 0.1, "a contact does not look at the bytes"),
         ("missed-one-by-one", -0.3, "a contact opens for moments of all lengths"),
