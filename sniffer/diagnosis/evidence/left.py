@@ -40,7 +40,7 @@ class Left(NamedTuple):
     is_from_the_begin: bool
 
 
-class _Asked(NamedTuple):
+class _Fate(NamedTuple):
     """How often a question had no answer since its last one, and when that was asked."""
 
     since: int
@@ -76,7 +76,7 @@ def left_since(case: Case, servo: int) -> Left | None:
     )
 
 
-def _asked(case: Case, servo: int, lost: Sequence[tuple[int, Failed]]) -> Mapping[int, _Asked]:
+def _asked(case: Case, servo: int, lost: Sequence[tuple[int, Failed]]) -> Mapping[int, _Fate]:
     """Return the questions that a servo left unanswered, each by its number."""
     told = case.ledger.silences.questions()
     rows = np.flatnonzero((told["servo_id"] == servo) & (told["missing"] > 0))
@@ -86,7 +86,7 @@ def _asked(case: Case, servo: int, lost: Sequence[tuple[int, Failed]]) -> Mappin
         strict=True,
     ):
         before = sum(q == question and f.t_ns <= had_ns for q, f in lost)
-        out[question] = _Asked(missing - before, had_ns, had > 0)
+        out[question] = _Fate(missing - before, had_ns, had > 0)
     return out
 
 
