@@ -144,6 +144,7 @@ def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
         (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
         strength=min(max(took_ns / GONE_NS, SOON), 1.0) if case.has_clock else 1.0,
         brief=_gone(case, gone_with(case, servo, s)),
+        befell=(servo,),  # who asks it again and again does so since it is gone
     )
 
 
