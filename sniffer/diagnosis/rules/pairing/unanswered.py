@@ -74,7 +74,7 @@ def one_question(case: Case) -> Iterator[Finding]:
         begins = np.bincount([kind_at[run.at] for run in runs])
         kind, times = int(begins.argmax()), int(begins.max())
         mine = np.flatnonzero(owner == servo)
-        answered = {k: exchanges.spans.count(k) for k in mine.tolist()}
+        answered = {k: exchanges.spans.count(k) for k in {kind, *mine.tolist()}}
         share = (answered.get(kind, 0) + 1) / (sum(answered.values()) + 2)
         if exchanges.count > FIRST:  # the first ones tell what is usual: it may have come later
             said = exchanges.kinds.n
