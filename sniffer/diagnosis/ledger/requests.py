@@ -121,7 +121,7 @@ class RequestRows:
         out[~new] = self._held.mark[rows[~new]]
         if new.any():
             f, mine = self._batch.frames, self._asks[rows[new] - self._first]
-            out[new] = _last_bytes(self._batch.data, f.start[mine], f.length[mine])
+            out[new] = last_bytes(self._batch.data, f.start[mine], f.length[mine])
         return out
 
     def same(self, rows: I64) -> Mask:
@@ -168,10 +168,10 @@ def has_failed(outcome: I64 | U8) -> Mask:
     return failed
 
 
-def _last_bytes(data: bytes, start: I64, length: I64) -> I64:
+def last_bytes(data: bytes, start: I64, length: I64) -> I64:
     """Return the last eight bytes of frames, or as many as they have, as numbers."""
     if len(data) < 8:
-        return _last_bytes(bytes(8) + data, start + 8, length)
+        return last_bytes(bytes(8) + data, start + 8, length)
     end = start + length
     view = np.ndarray((len(data) - 7,), "<i8", data, 0, (1,))
     out = view[np.maximum(end - 8, 0)].astype(np.int64)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.ledger.buckets import Buckets
 from sniffer.diagnosis.ledger.keys import SLOTS, slots
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK
 from sniffer.ground.distinct import numbers
@@ -40,6 +41,8 @@ a request to a dead servo is no answer."""
 
 SEVERAL: Final = -1
 """Stands for the question of a stretch in which several were asked."""
+
+_QUESTIONS: Final = {"had": "sum", "missing": "sum", "had_last": "max"}
 
 
 class Silence(NamedTuple):
@@ -95,6 +98,7 @@ class Silences:
         """Servos that answered at least once."""
         self._is_known = np.zeros(SLOTS, bool)
         """Which questions (commands and addresses) were answered at least once, by whomever."""
+        self._questions = Buckets(_QUESTIONS)
 
     def add(self, batch: Batch) -> None:
         """Take the exchanges of a batch."""
@@ -110,6 +114,12 @@ class Silences:
         before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
+        self._questions.add(
+            servo * SLOTS + question,
+            had=(~missed).astype(np.int64),
+            missing=missed.astype(np.int64),
+            had_last=np.where(missed, -NEVER_NS, frames.t_start[rows]),
+        )
         for who in sorted({*numbers(servo[missed]).tolist(), *self._open, *self._since}):
             mine = np.flatnonzero(servo == who)
             if len(mine):
@@ -209,6 +219,14 @@ class Silences:
             if len(over) > KEPT:
                 over.pop()
             over.append(one)
+
+    def questions(self) -> dict[str, I64]:
+        """Return what became of questions, by servo: how many were left, and ``had`` an answer.
+
+        ``had_last`` is when the last of these was asked; a question is a command and an address.
+        """
+        key, columns = self._questions.table()
+        return {**columns, "question": key % SLOTS, "servo_id": key // SLOTS}
 
     def of(self, servo_id: int) -> Sequence[Silence]:
         """Return the silences of a servo, the one that lasts until the end among them."""

@@ -12,6 +12,7 @@ from sniffer.diagnosis.weights import (
     driver,
     identity,
     line,
+    missing,
     outage,
     proven,
     tap,
@@ -31,6 +32,7 @@ _AREAS: Final = (
     *device.WEIGHTS,
     *identity.WEIGHTS,
     *controller.WEIGHTS,
+    *missing.WEIGHTS,
     *outage.WEIGHTS,
     *proven.WEIGHTS,
 )

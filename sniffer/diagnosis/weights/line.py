@@ -176,7 +176,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-answers", 1.5, "all servos' answers are hit"),
         ("answers-torn-anywhere", 0.5, "what is too weak is misread anywhere"),
         ("damage-in-requests", 1.0, "the controller's requests are hit"),
-        ("all-miss-alike", 3.2, "all servos hear the controller as badly"),
+        ("all-miss-alike", 3.0, "all servos hear the controller as badly"),
         ("first-behind-rest", -4.0, "a weak signal does not wait for rests"),
         ("answered-though-altered", 3.0, "the levels are enough for the servos, not for the tap"),
         ("damage-one-servo", 0.5, "one sender's signal is weak"),

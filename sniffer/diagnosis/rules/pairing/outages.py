@@ -32,7 +32,7 @@ FINDINGS: Final = (
     FindingCode(
         "comes-and-goes",
         "Answers of this servo are missing or torn now and then, in moments in which others are sound.",
-        "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near; or for a while so many, some of them missing, without one of another servo between, that chance does not choose it.",
+        "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near; or for a while so many, some of them missing, without one of another servo between, that chance does not choose it; or, of three servos and more, in the same three moments and in hardly any other, where another one is sound and nothing is torn.",
     ),
     FindingCode(
         "lost-more-and-more",
@@ -71,6 +71,9 @@ CHANCE: Final = 1e-3
 
 AHEAD: Final = 5.0
 """How many times the share of the soundest servo a servo must lose."""
+
+TOGETHER: Final = 3
+"""Servos that lose answers in the same three moments, and hardly any else: chance does not have it."""
 
 SAME: Final = 0.75
 """Part of a servo's bad moments that must be another's, too, for the two to fail together."""
@@ -315,6 +318,7 @@ def _group(
         and one.share >= AHEAD * best.share
         and at_least(one.bad, one.bad + one.ok, (best.bad + 1) / (best.bad + best.ok + 2)) < CHANCE
     ]
+    clear = clear or _few_but_together(case, bad, lost)
     if not clear:
         return [], []
     moments = np.sort(np.concatenate([one.times for one in clear]))
@@ -332,6 +336,21 @@ def _group(
     if sound and rest * AHEAD > min(one.share for one in clear):
         return [], []
     return group, sound
+
+
+def _few_but_together(
+    case: Case, bad: list[LostAnswers], lost: list[LostAnswers]
+) -> list[LostAnswers]:
+    """Return servos of which none loses much, but all of them in the same few moments.
+
+    Some other one is sound in these, and nothing is torn else: what disturbs the line chooses none.
+    """
+    some = [one for one in bad if one.bad >= MOMENTS and one.missing >= SAME * one.bad]
+    torn = int(case.damage["n"].sum()) - sum(one.torn for one in some)
+    if len(some) < TOGETHER or len(some) == len(lost) or len(some) < len(bad) or torn:
+        return []
+    are_enough = min(one.moments for one in some) >= LEAST
+    return some if are_enough and len(_shared(some)) == len(some) else []
 
 
 def _alone_loses(case: Case, one: LostAnswers) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
+from sniffer.diagnosis.evidence.gone import taken_along
 from sniffer.diagnosis.evidence.outages import (
     AGAIN,
     CHANCE,
@@ -145,6 +146,8 @@ def _to_the_end(case: Case, servo: int) -> Iterator[Finding]:
         (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
         strength=min(max(took_ns / GONE_NS, SOON), 1.0) if case.has_clock else 1.0,
         brief=_gone(case, gone_with(case, servo, s)),
+        # who asks it again and again does so since it is gone, and who waits for it is not heard
+        befell=(servo, *taken_along(case, servo, s)),
     )
 
 

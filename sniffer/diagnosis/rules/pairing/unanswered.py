@@ -9,11 +9,13 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, may_be_torn, sureness
+from sniffer.diagnosis.evidence.left import left_since
 from sniffer.diagnosis.evidence.placed import silent
 from sniffer.diagnosis.ledger.exchanges import FIRST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.distinct import within
 from sniffer.ground.model import NEVER_NS
+from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,7 +29,8 @@ FINDINGS: Final = (
     FindingCode(
         "one-question-unanswered",
         "A servo leaves one question unanswered time and again, and answers all others meanwhile.",
-        "Two silences or more, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers (half, where it is said again and no repetition is answered); with sound answers between, so that chance does not choose it. Or a question that nobody ever answered, asked twice and more of one that answers others before it and behind.",
+        "Two silences or more, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers (half, where it is said again and no repetition is answered); with sound answers between, so that chance does not choose it. Or questions that it left unanswered each time from a moment on, or ever, six times at least in three silences, and answers all others meanwhile, but for one in fifty of those, so that chance does not choose them. Or a question that nobody ever answered, asked twice and more of one that answers others before it and behind.",
+        remedy="Compare the command with the manual of the model (`sniffer explain`); a servo that does what it is told all the same is set to acknowledge less.",
     ),
 )
 
@@ -62,13 +65,17 @@ def one_question(case: Case) -> Iterator[Finding]:
     kind_at = {f.at: f.kind for f in exchanges.failed if f.kind >= 0}
     owner = np.array(exchanges.kinds.servo_id, np.int64)
     for servo in case.answering:
+        since = _since_a_moment(case, servo)
+        if since is not None:
+            yield since
+            continue
         runs = [run for run in case.ledger.silences.runs(servo) if run.at in kind_at]
         if len(runs) < TWICE:
             continue
         begins = np.bincount([kind_at[run.at] for run in runs])
         kind, times = int(begins.argmax()), int(begins.max())
         mine = np.flatnonzero(owner == servo)
-        answered = {k: exchanges.spans.count(k) for k in mine.tolist()}
+        answered = {k: exchanges.spans.count(k) for k in {kind, *mine.tolist()}}
         share = (answered.get(kind, 0) + 1) / (sum(answered.values()) + 2)
         if exchanges.count > FIRST:  # the first ones tell what is usual: it may have come later
             said = exchanges.kinds.n
@@ -94,6 +101,27 @@ def one_question(case: Case) -> Iterator[Finding]:
         yield replace(told, places=_unanswered(runs), brief=brief)
 
 
+def _since_a_moment(case: Case, servo: int) -> Finding | None:
+    """Return that a servo answers some questions no more, and all others as before."""
+    left = left_since(case, servo)
+    if left is None or may_be_torn(case, left.missed):
+        return None
+    kinds = case.ledger.exchanges.kinds
+    words = dict.fromkeys(case.protocol.op_name(kinds.op[k]) for k in left.kinds)
+    which = and_([*words]) if len(left.kinds) > 1 else _question(case, left.kinds[0])
+    since = "" if left.is_from_the_begin else f" since {case.since(left.runs[0].first_ns)}"
+    told = silent(
+        "one-question-unanswered",
+        servo,
+        left.runs,
+        f"servo {servo} answers no {which}{since}, {left.missed} of {left.missed}, and "
+        f"{left.answered} others meanwhile",
+        1.0,
+    )
+    brief = f"servo {servo} answers all but {which}"
+    return replace(told, places=_unanswered(left.runs), brief=brief)
+
+
 def unknown_question(case: Case) -> Iterator[Finding]:
     """Tell which servos are asked what nobody ever answers, and answer all else."""
     for servo in case.answering:
@@ -116,10 +144,13 @@ def unknown_question(case: Case) -> Iterator[Finding]:
 
 def _question_at(case: Case, one: Silence) -> str:
     """Return the request that a silence begins with, as people are told of it."""
-    kinds = case.ledger.exchanges.kinds
     kind = next((f.kind for f in case.ledger.exchanges.failed if f.at == one.at), -1)
-    if kind < 0:
-        return "a question"
+    return "a question" if kind < 0 else _question(case, kind)
+
+
+def _question(case: Case, kind: int) -> str:
+    """Return a kind of request as people are told of it."""
+    kinds = case.ledger.exchanges.kinds
     told = kinds.example[kind][:16].hex(" ").upper()
     return f"{case.protocol.op_name(kinds.op[kind])} ({told})"
 

@@ -312,11 +312,18 @@ def requests_missing(case: Case) -> Iterator[Finding]:
 
 
 def _took(case: Case, order: Order, pairs: dict[str, I64], row: int) -> bool:
-    """Tell whether a break in the order has time for an exchange that is missing in it."""
-    turns = case.ledger.exchanges.turns
+    """Tell whether a break in the order has time for an exchange that is missing in it.
+
+    What is asked next is not asked sooner than it usually is: a loop that asks its servos in
+    another order now and then rests before its goals all the same.
+    """
+    turns, next_kind = case.ledger.exchanges.turns, int(pairs["next"][row])
     missing = [turns.at(k, 0.05) for k in order.usual.get(int(pairs["kind"][row]), ())]
     least = min((turn.low for turn in missing if turn is not None), default=0)
-    return least > 0 and int(pairs["rest_min"][row]) - case.latency_ns > least
+    usual = [k for k, after in order.usual.items() if next_kind in after]
+    before = np.isin(pairs["kind"], usual) & (pairs["next"] == next_kind)
+    rests = int(pairs["rest_min"][before].clip(0).min()) if before.any() else 0
+    return least > 0 and int(pairs["rest_min"][row]) - rests - case.latency_ns > least
 
 
 def _told(code: str, found: Sequence[Damage], what: str, each: str) -> Finding:
