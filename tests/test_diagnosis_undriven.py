@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 import pytest
 
@@ -19,6 +19,8 @@ from tests.diagnosed import codes, diagnosed, verdicts
 from tests.test_diagnosis_line import ALWAYS, robot_of
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
+
     from bench.diagnosis.line import Trouble
     from sniffer.diagnosis import Diagnosis
 
@@ -60,7 +62,7 @@ def switched(
 def test_a_driver_that_is_on_late_or_off_early_is_told_by_the_end_it_takes(
     code: str, kind: type[EarlyRelease], who: frozenset[int], protocol: str, host: str
 ) -> None:
-    of = switched(protocol, kind, who, 0.4, host)
+    of = switched(protocol, cast("Hashable", kind), who, 0.4, host)
     assert codes(of) & UNDRIVEN == {code}
     assert verdicts(of.incidents())[0] == ("turnaround", ())
 
@@ -70,7 +72,7 @@ def test_where_each_answer_of_a_servo_lacks_an_end_it_is_no_second_servo(
     code: str, kind: type[EarlyRelease], who: frozenset[int]
 ) -> None:
     for protocol in CHECKED:
-        of = switched(protocol, kind, who)
+        of = switched(protocol, cast("Hashable", kind), who)
         assert code in codes(of)
         assert verdicts(of.incidents()) == [("turnaround", ())]
 

@@ -262,8 +262,7 @@ def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     """
     if len(head) < min(whole.least for whole in WHOLE):
         return None
-    own = [] if protocol is None else [protocol]
-    some = {p.name: p for p in own}
+    some = {} if protocol is None else {protocol.name: protocol}
     if protocol is None or _unclaimed(protocol, head) > (1 - HOLDS) * len(head):
         some = {**{name: PROTOCOLS[name] for name in PROTOCOLS.built_in}, **some}
     lost = {name: _unclaimed(p, head) for name, p in some.items()}
@@ -272,8 +271,8 @@ def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     found = _undone(some.values(), head, min(lost.values()))
     if len(head) < LEAST_BYTES:
         return found
-    for one in own if found is None else ():
-        found = _mended(one, head)
+    if found is None and protocol is not None:
+        found = _mended(protocol, head)
     return found or _mended_of(some.values(), head, lost) or _replaced(head)
 
 
