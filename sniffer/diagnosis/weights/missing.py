@@ -22,7 +22,16 @@ WEIGHTS: Final = (
         ("one-question-unanswered", -4.0, "who hears the controller badly chooses no question"),
     ),
     *for_(
+        "brownout",
+        ("outages-behind-steps", 3.5, "motors that set out take more than it bears"),
+    ),
+    *for_(
+        "servo-reset-loop",
+        ("outages-behind-steps", -1.0, "who starts anew by itself waits for no goal"),
+    ),
+    *for_(
         "bad-cable",
+        ("outages-behind-steps", 0.8, "a contact opens as the arm jerks"),
         ("same-request-missed", 0.1, "a contact does not look at the bytes"),
         ("missed-one-by-one", -0.3, "a contact opens for moments of all lengths"),
     ),

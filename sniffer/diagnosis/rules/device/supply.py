@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.efforts import effort
+from sniffer.diagnosis.evidence.goal_steps import goal_steps
 from sniffer.diagnosis.evidence.gone import gone_at_once
 from sniffer.diagnosis.evidence.limits import Limit, limit_told
 from sniffer.diagnosis.evidence.passing import misread_senders
@@ -51,7 +52,7 @@ FINDINGS: Final = (
     FindingCode(
         "supply-steady",
         "The supply of a servo was as usual right before it fell silent.",
-        "A voltage within a twentieth of the usual one shortly before its silences, known of half of them at least; it counts in full within a tenth of a second, and less up to a second.",
+        "A voltage within a twentieth of the usual one shortly before its silences, and behind the last step of goals, known of half of them at least; it counts in full within a tenth of a second, and less up to a second.",
     ),
 )
 
@@ -178,6 +179,7 @@ def _parts(v: Series) -> F64:
 
 def steady(case: Case) -> Iterator[Finding]:
     """Servos that fell silent with their supply in order."""
+    steps = goal_steps(case)
     for servo in case.measured_by("voltage"):
         v = case.series(servo, "voltage")
         spells = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
@@ -188,7 +190,9 @@ def steady(case: Case) -> Iterator[Finding]:
         began = np.array([s.first_ns for s in spells], np.int64)
         row = np.searchsorted(v.t, began, "right") - 1
         age = began - v.t[np.maximum(row, 0)]
-        known = (row >= 0) & (age <= SOON_NS)
+        # what it was before motors set out tells nothing of what they take
+        is_old = np.searchsorted(steps, began) > np.searchsorted(steps, v.t[np.maximum(row, 0)])
+        known = (row >= 0) & (age <= SOON_NS) & ~is_old
         if 2 * known.sum() < len(known) or (v.low[row[known]] < (1 - STEADY) * usual).any():
             continue
         began, row, age = began[known], row[known], age[known]

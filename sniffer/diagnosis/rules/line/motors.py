@@ -10,6 +10,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import at_least, sureness
+from sniffer.diagnosis.evidence.goal_steps import BEHIND_NS, goal_steps
 from sniffer.diagnosis.evidence.twins import of_twins
 from sniffer.diagnosis.ledger.buckets import FINE
 from sniffer.diagnosis.ledger.damage import AT_TURN, HELD, IN_REPLY
@@ -17,14 +18,13 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.line.damaged import singled_out
 from sniffer.ground.distinct import within
 from sniffer.ground.medians import median, quantile
-from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import F64, I64, Mask
+    from sniffer.ground.model import F64, Mask
 
 FINDINGS: Final = (
     FindingCode(
@@ -87,12 +87,7 @@ CLIPPED: Final = 0.95
 """Levels beyond this share of the buckets are taken for it: one spike is no motion."""
 
 JUMPS: Final = 5
-FAR: Final = 0.15
-SELDOM: Final = 0.5
-"""Steps of goals that tell: so many, so great a part of the way, in no greater part of the time."""
-
-BEHIND_NS: Final = 3 * NS // 4
-"""For so long a motor pulls harder."""
+"""Steps of goals that tell."""
 
 TIMES: Final = 3
 PLENTY: Final = 20
@@ -197,7 +192,7 @@ def damage_behind_steps(case: Case) -> Iterator[Finding]:
     """
     d = case.damage
     mine = np.flatnonzero(d["turn"] != HELD)
-    jumps = _goal_steps(case)
+    jumps = goal_steps(case)
     if not case.has_clock or len(jumps) < JUMPS or int(d["n"][mine].sum()) < LEAST:
         return
     order = mine[np.argsort(d["t_first"][mine], kind="stable")]
@@ -225,21 +220,6 @@ def damage_behind_steps(case: Case) -> Iterator[Finding]:
         strength=0.4 + 0.6 * sureness(chance, CHANCE**2),
         brief="damage begins when goals jump",
     )
-
-
-def _goal_steps(case: Case) -> I64:
-    """Return when goals jump far, behind a time in which none does."""
-    found: list[int] = []
-    for servo in case.measured_by("goal_position"):
-        goals = case.series(servo, "goal_position")
-        if goals is None or len(goals) < BUCKETS // 2:
-            continue
-        far = goals.step >= FAR * float(goals.high.max() - goals.low.min())
-        if 0 < far.sum() <= SELDOM * len(goals):
-            found += goals.t_first[far].tolist()
-    times = np.sort(np.array(found, np.int64))
-    alone: I64 = times[np.diff(times, prepend=times[:1] - 2 * BEHIND_NS) > BEHIND_NS]
-    return alone
 
 
 def beyond_chance(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.evidence.chances import so_alike, sureness
+from sniffer.diagnosis.evidence.goal_steps import set_out
 from sniffer.diagnosis.evidence.gone import taken_along
 from sniffer.diagnosis.evidence.outages import (
     AGAIN,
@@ -59,7 +60,7 @@ FINDINGS: Final = (
     FindingCode(
         "outages-evenly",
         "A servo is away at even times.",
-        "Of six outages and more the times from its return to the next one vary by less than half of their mean; it counts as much as "
+        "Of six outages and more, that steps of goals do not bring, the times from its return to the next one vary by less than half of their mean; it counts as much as "
         "what comes at any time is seldom so even.",
     ),
     FindingCode(
@@ -259,9 +260,9 @@ def _again(case: Case, servo: int, away: Sequence[Silence]) -> Iterator[Finding]
 
 
 def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
-    """Yield whether the outages of a servo come at even times, or at any."""
+    """Yield whether the outages of a servo come at even times, or at any: not those that steps of goals bring."""
     runs = case.ledger.silences.runs(servo)
-    if not case.has_clock or len(runs) < OUTAGES:
+    if not case.has_clock or len(runs) < OUTAGES or set_out(case, servo) is not None:
         return
     # from its return on: while it is away it cannot leave again, however it does that
     ends = [_there_ns(case, servo, run, b.first_ns) for run, b in pairwise(runs)]
