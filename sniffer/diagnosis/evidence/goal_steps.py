@@ -59,8 +59,8 @@ def _goal_steps(case: Case) -> I64:
 class SetOut(NamedTuple):
     """Outages that begin while motors pull that were just sent somewhere.
 
-    ``behind`` of ``runs`` do, and by ``chance`` as many would; for this ``share`` of the time motors
-    pull.
+    ``behind`` of ``runs`` do, and by ``chance`` as many would; for this ``share`` of the time
+    motors pull.
     """
 
     behind: int
