@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.ledger.silences import MISSING
 from sniffer.diagnosis.model import LINE
+from sniffer.ground.distinct import within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence, Set
@@ -63,4 +64,4 @@ def taken_along(case: Case, servo: int, last: Silence) -> Sequence[int]:
 
 def _are_mostly_of(some: I64, places: I64) -> bool:
     """Tell whether there are places enough, and nearly all among others."""
-    return len(some) >= LEAST and float(np.isin(some, places).mean()) >= NEARLY_ALL
+    return len(some) >= LEAST and float(within(some, places).mean()) >= NEARLY_ALL

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.decoding.holding import held
 from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.signs import SIGN, beginnings
+from sniffer.diagnosis.evidence.swallowing import swallowing
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.physics.comparing import alike, header_of
 from sniffer.diagnosis.physics.misread import alike_of
@@ -167,7 +168,24 @@ def _without_begin(case: Case, d: Damage, got: bytes, begins: Sequence[bytes]) -
     """Return the frame of which bytes lack the beginning; none if they are none of any."""
     heads = {one[:HEAD] for one in begins}
     may_be = {one for head in heads for one in with_begin(got, head)} - {got}
+    if d.turn == IN_REPLY:  # who is asked says whose answer it is
+        may_be = {one for one in may_be if one.startswith(tuple(begins))}
+    else:
+        may_be = {one for one in may_be if _is_rest(case, d, one, got)}
     return _one_that_holds(case, d, sorted(may_be))
+
+
+def _is_rest(case: Case, d: Damage, whole: bytes, got: bytes) -> bool:
+    """Tell whether the line may have been at rest while the first bytes were due.
+
+    Else another's lie over them, as where a controller does not wait for answers.
+    """
+    lost = len(whole) - len(got)
+    if lost <= 0 or not d.got.startswith(got):
+        return True
+    if case.has_prompt_stamps:
+        return d.since_ns >= lost * case.ledger.byte_ns
+    return case.has_clock and not swallowing(case)
 
 
 def _one_that_holds(case: Case, d: Damage, may_be: Sequence[bytes]) -> bytes:

@@ -15,6 +15,7 @@ from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.physics.comparing import alike, are_beginnings, is_altered
 from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.distinct import within
 from sniffer.ground.gaps import CHECKSUM
 
 if TYPE_CHECKING:
@@ -321,7 +322,7 @@ def _took(case: Case, order: Order, pairs: dict[str, I64], row: int) -> bool:
     missing = [turns.at(k, 0.05) for k in order.usual.get(int(pairs["kind"][row]), ())]
     least = min((turn.low for turn in missing if turn is not None), default=0)
     usual = [k for k, after in order.usual.items() if next_kind in after]
-    before = np.isin(pairs["kind"], usual) & (pairs["next"] == next_kind)
+    before = within(pairs["kind"], usual) & (pairs["next"] == next_kind)
     rests = int(pairs["rest_min"][before].clip(0).min()) if before.any() else 0
     return least > 0 and int(pairs["rest_min"][row]) - rests - case.latency_ns > least
 
