@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.decoding.holding import held
 from sniffer.diagnosis.evidence.chances import at_least
 from sniffer.diagnosis.evidence.signs import SIGN, beginnings
-from sniffer.diagnosis.evidence.swallowing import swallowing
 from sniffer.diagnosis.ledger.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.physics.comparing import alike, header_of
 from sniffer.diagnosis.physics.misread import alike_of
@@ -42,6 +41,8 @@ LOOKED: Final = 60
 SHORTEST, LONGEST = REACH, 48
 """Bytes of a frame that is looked at: a shorter one is all end (an ACK)."""
 
+FEW: Final = 0.2
+"""How many answers are torn at most for each torn request."""
 
 EITHER: Final = 0.5
 """How often what takes an end of a frame takes its beginning."""
@@ -185,7 +186,13 @@ def _is_rest(case: Case, d: Damage, whole: bytes, got: bytes) -> bool:
         return True
     if case.has_prompt_stamps:
         return d.since_ns >= lost * case.ledger.byte_ns
-    return case.has_clock and not swallowing(case)
+    return case.once(_answers_are_whole)
+
+
+def _answers_are_whole(case: Case) -> bool:
+    """Tell whether hardly an answer is torn: who does not wait tears them before its heads."""
+    torn = sum(d.turn == IN_REQUEST for d in case.damages)
+    return case.total("damaged") <= FEW * torn
 
 
 def _one_that_holds(case: Case, d: Damage, may_be: Sequence[bytes]) -> bytes:

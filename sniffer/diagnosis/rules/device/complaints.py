@@ -93,6 +93,9 @@ BY_CHANCE: Final = 0.2
 """Torn places among which one may hold by chance (a sum of eight bits lets one in 256 pass, and each is
 framed from several bytes on), and how much an alarm counts there that is said once and taken back."""
 
+SUMS: Final = 256
+"""Of so many torn frames one holds at least, whatever it is."""
+
 MOMENT_NS: Final = NS
 """Servos are asked one after the other."""
 
@@ -135,7 +138,10 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     seldom as an answer that is due. A request that lost the first bit of its command in an overlay
     (F2 as 72) is one that nobody asked for, with four alarms.
     """
-    is_torn = int(case.damage["n"].sum()) >= TORN
+    torn = int(case.damage["n"].sum())
+    is_torn = torn >= TORN
+    if count <= torn // SUMS:
+        return BY_CHANCE
     said = case.anomalies(code, servo_id=servo).t_ns
     back = np.sort(case.anomalies("device-recovered", servo_id=servo).t_ns)
     behind = np.searchsorted(back, said)

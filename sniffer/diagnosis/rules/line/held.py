@@ -37,7 +37,7 @@ FINDINGS: Final = (
     FindingCode(
         "line-babbles",
         "The line falls all the time, for moments, and hardly a frame gets by meanwhile, or the falls begin and end at once.",
-        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, with hardly any between, and in which few frames get by, or beside which there are none at all; without a clock: rows of sixteen bytes and more, nearly all ones.",
+        "Quarters of a second with 120 bytes and more that are short falls of an idle line, half of what is no frame at least, which hold nearly all of them, with hardly any between, and in which few frames get by, or beside which there are none at all; without a clock: rows of sixteen bytes and more, nearly all ones.",
     ),
 )
 
@@ -75,6 +75,9 @@ SOME: Final = 25
 
 OFTEN: Final = 8
 SHARP: Final = 0.01
+SHARE: Final = 0.5
+"""Part of what is no frame that is short falls where hardly a frame gets by: of frames torn some are left."""
+
 PURE: Final = 0.9
 """Quarters of a second that are full, and part of the falls elsewhere, where it does not matter
 that frames get by, as short ones of a slow loop do: what begins and ends so has a switch. Most falls
@@ -186,7 +189,7 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     """
     line, traffic = case.line, case.traffic
     count = len(line["bucket"])
-    frames, falls = np.zeros(count), np.zeros(count)
+    frames, falls, said = np.zeros(count), np.zeros(count), np.zeros(count)
     where = np.searchsorted(line["bucket"], traffic["bucket"])
     known = where < count
     np.add.at(frames, where[known], traffic["frames"][known])
@@ -195,6 +198,7 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     at = np.minimum(at, count - 1)
     short = [_more_falls(d) * d.length / len(d.got) for d in torn]
     np.add.at(falls, at, short)
+    np.add.at(said, at, [d.length for d in torn])
     if not (frames > 0).any():
         return (), ""
     usual = float(median(frames[frames > 0]))
@@ -204,7 +208,8 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
         return (), ""
     let_by = float(frames[full].mean())
     beside = np.convolve(full, np.ones(3, np.int64), "same") > 0
-    few = let_by <= STOPS * usual
+    # frames that nobody recognises are full of 00 and FF, and of other bytes
+    few = let_by <= STOPS * usual and falls[full].sum() >= SHARE * said[full].sum()
     rows_of = sum(n for n, d in zip(short, torn, strict=True) if n >= max(PURE * d.length, STRAY))
     sharp = full.sum() >= OFTEN and falls[~beside].sum() <= SHARP * falls.sum()
     sharp = sharp and 2 * rows_of >= falls.sum()  # nor is it a stray at each turn

@@ -90,6 +90,10 @@ RISE: Final = 0.1
 """Parts of the time, and by which part of what it was a delay that grows rises from one to the next."""
 
 
+HEARD: Final = 0.5
+"""Part of the others' answers that must be whole for their times to count in full."""
+
+
 class _Slow(NamedTuple):
     """How slow a servo is in one command: how many answers, of how many, and the bounds."""
 
@@ -238,12 +242,20 @@ def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
         f"{worst.too_long_ns / 1e6:.2f} ms{usual}; of the others' {worst.theirs[0]} of "
         f"{worst.theirs[1]} do{by}",
         places,
-        strength=min(0.7 + worst.slow / max(worst.of, 1), 1.0),
+        strength=min(0.7 + worst.slow / max(worst.of, 1), 1.0) * _are_heard(case, servo),
         brief=brief,
         values=(("usual_ns", worst.usual_ns), ("peers_ns", worst.peers_ns)),
         # whatever befalls frames now and then, most of a servo's answers do not wait for it
         is_own=worst.slow >= MOSTLY * worst.of,
     )
+
+
+def _are_heard(case: Case, servo: int) -> float:
+    """Return how far the times of the others' answers are known: late ones may be those that are torn."""
+    others = [one for one in case.answering if one != servo]
+    sound = sum(case.total("ok", one) for one in others)
+    lost = sum(case.total("missing", one) + case.total("damaged", one) for one in others)
+    return min(sound / max(HEARD * (sound + lost), 1), 1.0)
 
 
 def _grown(case: Case, servo: int) -> list[float] | None:
