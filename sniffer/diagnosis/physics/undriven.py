@@ -76,11 +76,13 @@ def lacks_bytes(got: bytes, meant: bytes) -> bool:
     return 0 < len(meant) - len(got) <= REACH and meant.startswith(got)
 
 
+@functools.lru_cache(maxsize=256)
 def let_go(byte: int) -> frozenset[int]:
     """Return what is heard of a byte from one of whose bits on nobody drives the line."""
     return frozenset((byte | 0xFF << k) & 0xFF for k in range(DATA_BITS)) - {byte}
 
 
+@functools.lru_cache(maxsize=256)
 def before_let_go(byte: int) -> frozenset[int]:
     """Return what a checksum may have been from one of whose bits on nobody drove the line.
 
