@@ -39,7 +39,7 @@ demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware neede
 	$(BIN)/python -m sniffer.cli.demo
 
 # Compiled once here, not by each of the workers and of the hundreds of processes that tests start.
-test: $(VENV)/.dev ## run all tests, ten to fifteen minutes on two cores (PYTEST_ARGS="-k mightyzap" for some)
+test: $(VENV)/.dev ## run all tests, about a quarter of an hour on two cores (PYTEST_ARGS="-k mightyzap" for some)
 	$(BIN)/python -m compileall -q sniffer
 	$(PYTEST) $(PYTEST_ARGS)
 

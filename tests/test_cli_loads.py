@@ -35,6 +35,12 @@ FAR = ("merging", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding
 SMALL = "sample_captures/mightyzap_manual.hex"
 
 
+def run_apart(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run code in an interpreter of its own, which has loaded nothing yet."""
+    python = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+
+
 @pytest.mark.parametrize(
     ("command", "apart"),
     [
@@ -57,8 +63,7 @@ def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple
         "import sys, construct; its = {*sys.modules}; from sniffer.cli import run; "
         "status = run(sys.argv[1:]); print(status, *{*sys.modules} - its, file=sys.stderr)"
     )
-    python = [sys.executable, "-c", code, *command]
-    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    ran = run_apart(code, *command)
     status, *loaded = ran.stderr.splitlines()[-1].split()
     assert status == "0"
     is_table = command[0] == "decode" and "jsonl" not in command
@@ -74,8 +79,7 @@ def test_a_log_whose_stamps_tell_how_long_a_byte_takes_loads_no_masked_arrays(na
         "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "
         "print(status, 'numpy.ma' in sys.modules, file=sys.stderr)"
     )
-    python = [sys.executable, "-c", code, "decode", f"sample_captures/{name}", "--format", "jsonl"]
-    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    ran = run_apart(code, "decode", f"sample_captures/{name}", "--format", "jsonl")
     assert ran.stderr.splitlines()[-1] == "0 False"
 
 
@@ -85,8 +89,7 @@ def modules_of_a_table(*arguments: str) -> set[str]:
         "import sys; from sniffer.cli import run; status = run(['decode', *sys.argv[1:]]); "
         "print(status, *sys.modules, file=sys.stderr)"
     )
-    python = [sys.executable, "-c", code, *arguments]
-    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    ran = run_apart(code, *arguments)
     status, *loaded = ran.stderr.splitlines()[-1].split()
     assert status == "0"
     return {*loaded}

@@ -140,11 +140,6 @@ def _bits(r: Register) -> Iterator[str]:
         elif not 0 < r.sign_bit < count:
             yield f"sign_bit = {r.sign_bit}, and a {r.type} has the bits 0 to {count - 1}"
     if unnamed := [number for number in r.alarms if number not in (r.bits or r.values)]:
-        has = (
-            "bits has no"
-            if r.bits
-            else "values has no"
-            if r.values
-            else "neither values nor bits has a"
-        )
+        has = next((f"{key} has no" for key in ("bits", "values") if getattr(r, key)), "")
+        has = has or "neither values nor bits has a"
         yield f"alarms has {unnamed[0]!r:.40}, for which {has} name"

@@ -145,9 +145,10 @@ def _owner(case: Case) -> Owner | None:
     traces = _traces(case)
     found, most = [], {}
     at_turn = at_turns(case)
+    strays = frozenset[int]().union(*at_turn.values())
     for servo in case.servos:
         # strays before its own answers as well are no second ones of it
-        turns = set().union(*at_turn.values()) if len(at_turn.get(servo, ())) >= LEAST else set()
+        turns = strays if len(at_turn.get(servo, ())) >= LEAST else frozenset[int]()
         mine = [t for t in traces if t.named in (-1, servo) and t.at not in turns]
         by_begin, by_end = (_steadiest(servo, mine, grid, is_by_end=e) for e in (False, True))
         better = max(by_begin, by_end, key=lambda o: o.score)

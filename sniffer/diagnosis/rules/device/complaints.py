@@ -136,7 +136,7 @@ def _sure(case: Case, code: str, servo: int, count: int) -> float:
     Of frames that are torn some hold by chance, and say anything: as seldom, and not in the next answer,
     or in the name of who never answers, or, where two senders tear them alike, time and again, and
     seldom as an answer that is due. A request that lost the first bit of its command in an overlay
-    (F2 as 72) is one that nobody asked for, with four alarms.
+    (F2 as 72) is one that nobody asked for, with four alarms. Of hundreds of torn ones some surely hold.
     """
     torn = int(case.damage["n"].sum())
     is_torn = torn >= TORN

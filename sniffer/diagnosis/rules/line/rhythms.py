@@ -112,8 +112,10 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     at = np.array([d.t_ns for d in torn], np.int64)
     span = _exchange_ns(case)
     best: tuple[float, list[int], int, int, int, _Meeting] | None = None
+    every: list[_Meeting] = []
     for t, kind in case.ledger.exchanges.moments.stretches():
         pairs = _pairs(_rhythms(t, kind), at, case.latency_ns, span)
+        every += pairs
         here = np.flatnonzero((at >= t[0]) & (at <= t[-1])) if pairs else at[:0]
         if len(here) < TORN:
             continue
@@ -137,7 +139,7 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     of_one_id = sum(of_twins(case, torn[k]) for k in where)
     of_one = sum(torn[k].turn == IN_REPLY and torn[k].servo_id in alone for k in where)
     is_one = 2 * max(of_one_id, of_one) > len(where)
-    if is_one and 2 * _swallowed(case, [torn[k] for k in where]) < len(where):
+    if is_one and 2 * _swallowed([torn[k] for k in where], every, span) < len(where):
         return  # what a twin, or one servo's own fault, tears stands where that one is asked
     yield finding_of(
         [torn[k] for k in where],
@@ -255,7 +257,7 @@ def _both_near(at: I64, pairs: Sequence[_Meeting], span: int) -> Mask:
     return out
 
 
-def _swallowed(case: Case, torn: Sequence[Damage]) -> int:
+def _swallowed(torn: Sequence[Damage], pairs: Sequence[_Meeting], span: int) -> int:
     """Return at how many torn places more requests are missing that were due than one that is torn.
 
     A second answer tears one request, and a servo's own fault none; of two that run into each other
@@ -263,11 +265,10 @@ def _swallowed(case: Case, torn: Sequence[Damage]) -> int:
     """
     at = np.array([d.t_ns for d in torn], np.int64)
     is_one = np.array([d.turn == IN_REQUEST for d in torn])
-    span, most = _exchange_ns(case), np.zeros(len(at), np.int64)
-    for t, kind in case.ledger.exchanges.moments.stretches():
-        for a, b, _ in _pairs(_rhythms(t, kind), at, case.latency_ns, span):
-            missing = _is_missing(at, a, span).astype(np.int64) + _is_missing(at, b, span)
-            most = np.maximum(most, missing)
+    most = np.zeros(len(at), np.int64)
+    for a, b, _ in pairs:
+        missing = _is_missing(at, a, span).astype(np.int64) + _is_missing(at, b, span)
+        most = np.maximum(most, missing)
     return int((most > is_one).sum())
 
 

@@ -84,14 +84,14 @@ _END: Final = _End("end", "last bits", "nobody drives the last bits of")
 
 def undriven_ends(case: Case) -> Iterator[Finding]:
     """Find senders whose frames lack the bits at one end."""
-    senders = undriven(case).items()
-    begins = {s: (one.begins, one.chance_of_begins()) for s, one in senders}
-    ends = {s: (one.ends, one.chance_of_ends()) for s, one in senders}
+    senders = undriven(case)
+    begins = {s: (one.begins, one.chance_of_begins()) for s, one in senders.items()}
+    ends = {s: (one.ends, one.chance_of_ends()) for s, one in senders.items()}
     for end, lacking in ((_BEGIN, begins), (_END, ends)):
         told = [
-            _told(sender, undriven(case)[sender], end, *of)
+            _told(sender, senders[sender], end, *of)
             for sender, of in lacking.items()
-            if _is_no_chance(undriven(case)[sender], *of)
+            if _is_no_chance(senders[sender], *of)
         ]
         # what is lost of whoever speaks is lost by who listens
         if len({f.servo_id is None for f in told}) == 1:

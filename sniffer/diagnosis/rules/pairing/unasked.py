@@ -136,12 +136,9 @@ def chatty(case: Case) -> Iterator[Finding]:
         missing = case.total("missing", servo) + case.total("damaged", servo)
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
         share = shares[servo]
-        whole = n - len(begun_by) if servo == speaker else n
-        as_likely = share ** (whole - 1)
-        if servo == speaker:
-            as_likely *= math.prod(
-                sum(shares.get(s, 0.0) for s in some) for some in begun_by.values()
-            )
+        cut = begun_by.values() if servo == speaker else ()
+        as_likely = share ** (n - len(cut) - 1)
+        as_likely *= math.prod(sum(shares.get(s, 0.0) for s in some) for some in cut)
         is_sure = not others and as_likely < SURE and case.total("missing", servo) < n / 2
         if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
@@ -340,12 +337,14 @@ def _begun_by(
         request to 22          23 32 32 51 50 0D
         heard            2A 32 90 88 51 50 0D         it may be of 22 as well, and not of 37
     """
+    if loses_most(case, speaker):
+        return {}
     begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     headers = {servo: sign_of(own, requests) for servo, own in begins.items()}
     known = {d.at for some in pieces.values() for d in some}
     found = {}
     for d in case.damages:
-        if d.at in known or not _is_into_request(d) or loses_most(case, speaker):
+        if d.at in known or not _is_into_request(d):
             continue
         same = {
             s: alike(d.got[:-1], begins[s])
